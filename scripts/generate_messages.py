@@ -14,7 +14,8 @@ writes nothing.
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -114,12 +115,14 @@ def _broken(name: str, groups: Mapping[str, Mapping[str, str]]) -> Iterator[str]
     yield from (data for data in groups["refused"] if encoded(data))
 
 
-def generated_files(root: Path) -> dict[Path, str]:
-    """Return path → content of every generated file."""
-    files = {
-        root / SCHEMAS_FOLDER / f"{name.replace('/', '.')}.json": _indented(json_schema(name))
-        for name in (*MESSAGE_TYPES, *ENVELOPE_TYPES)
-    }
+def generated_files(root: Path) -> dict[Path, str | None]:
+    """Return path → content of every generated file; None: of no type, to be removed."""
+    # The schemas of scenarios and worlds come from generate_parameters.py.
+    present = (root / SCHEMAS_FOLDER).glob("*.json")
+    files: dict[Path, str | None] = {p: None for p in sorted(present) if ".schema." not in p.name}
+    for name in (*MESSAGE_TYPES, *ENVELOPE_TYPES):
+        path = root / SCHEMAS_FOLDER / f"{name.replace('/', '.')}.json"
+        files[path] = indented(json_schema(name))
     known = json.loads(_VECTORS.read_text(encoding="utf-8"), object_hook=from_notation)
     ours = vectors(known)
     files[root / VECTORS_FILE] = line_by_line(ours, 4) + "\n"
@@ -128,45 +131,38 @@ def generated_files(root: Path) -> dict[Path, str]:
     return files
 
 
-def _indented(value: Any) -> str:
+def indented(value: Any) -> str:
+    """Return the text of a JSON file."""
     return json.dumps(value, ensure_ascii=False, indent=2) + "\n"
 
 
-def stale_files(root: Path) -> list[Path]:
-    """Return the files that are missing, out of date, or schemas of no type."""
-    return _stale(root, generated_files(root))
+def bring_up_to_date(
+    arguments: Sequence[str] | None, command: str, files: Callable[[], Mapping[Path, str | None]]
+) -> int:
+    """Write the files that differ from their content, or only name them; return the exit code.
 
-
-def _stale(root: Path, files: Mapping[Path, str]) -> list[Path]:
-    # Those of scenarios and worlds come from generate_parameters.py.
-    ours = {path for path in (root / SCHEMAS_FOLDER).glob("*.json") if ".schema." not in path.name}
-    left_over = sorted(ours - set(files))
-    return left_over + [
-        path
-        for path, text in files.items()
-        if not path.is_file() or path.read_bytes() != text.encode()
-    ]
-
-
-def write(root: Path) -> list[Path]:
-    """Bring every generated file up to date and return those that changed."""
-    files = generated_files(root)
-    changed = _stale(root, files)
-    for path in changed:
-        if path in files:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(files[path], encoding="utf-8", newline="\n")
-        else:
+    arguments: of the command. files: path → content; None: the file is to be removed.
+    """
+    parser = argparse.ArgumentParser(prog=command, description="Write the generated files.")
+    parser.add_argument("--check", action="store_true", help="write nothing, exit 1 when stale")
+    check = parser.parse_args(arguments).check
+    stale = False
+    for path, text in files().items():
+        if (path.read_bytes() if path.is_file() else None) == (text and text.encode()):
+            continue
+        stale = True
+        if not check and text is None:
             path.unlink()
-    return changed
+        elif not check:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text or "", encoding="utf-8", newline="\n")
+        verb = f"out of date, run `{command}`" if check else "written"
+        sys.stdout.write(f"{path.relative_to(CHECKOUT)}: {verb}\n")
+    return 1 if check and stale else 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write or check the files of this checkout; return the exit code."""
-    command = "python -m scripts.generate_messages"
-    parser = argparse.ArgumentParser(prog=command, description=__doc__)
-    parser.add_argument("--check", action="store_true", help="write nothing, exit 1 when stale")
-    check = parser.parse_args(arguments).check
     wrong = broken(published_vectors())
     for name, rows in wrong.items():
         sys.stdout.write(
@@ -175,11 +171,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
     if wrong:
         return 1
-    changed = stale_files(CHECKOUT) if check else write(CHECKOUT)
-    verb = f"out of date, run `{command}`" if check else "written"
-    for path in changed:
-        sys.stdout.write(f"{path.relative_to(CHECKOUT)}: {verb}\n")
-    return 1 if check and changed else 0
+    command = "python -m scripts.generate_messages"
+    return bring_up_to_date(arguments, command, partial(generated_files, CHECKOUT))
 
 
 if __name__ == "__main__":

@@ -7,13 +7,12 @@ is not installed, that is left alone. With `--check` nothing is written; the exi
 file is out of date.
 """
 
-import argparse
 import importlib
 import importlib.util
-import json
 import re
 import sys
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,24 +20,24 @@ from stepbus_orchestrator.scenario.model import ParticipantRow, ScenarioFile
 from stepbus_orchestrator.scenario.program import participant_classes
 from stepbus_participant import Settings, declared_parameters
 
+from .generate_messages import CHECKOUT, bring_up_to_date, indented
 from .parameter_docs import SchemaWriter, tables
 
-CHECKOUT = Path(__file__).resolve().parents[1]
 _BLOCK = re.compile(
     r"(<!-- parameters: ([\w.]+):(\w+)( only)? -->\n).*?(<!-- /parameters -->)", re.DOTALL
 )
 _WORLD = "stepbus_plant.world:WorldFile"
 
 
-def generated_files(root: Path) -> dict[Path, str]:
+def generated_files(root: Path) -> dict[Path, str | None]:
     """Return path → content of every generated file."""
     world = SchemaWriter().document(_class(_WORLD), "A world of stepbus")
-    files = {root / "schemas/json/world.schema.json": _indented(world)}
+    files: dict[Path, str | None] = {root / "schemas/json/world.schema.json": indented(world)}
     own = {name: _project(name) for name in participant_classes()}
     for project in sorted({Path(), *filter(None, own.values())}):
         services = [name for name, at in own.items() if at in (Path(), project)]
         schema = root / project / "schemas/json/scenario.schema.json"
-        files[schema] = _indented(scenario_schema(services))
+        files[schema] = indented(scenario_schema(services))
         for page in sorted((root / project / "docs").rglob("*.md")):
             text = page.read_text(encoding="utf-8")
             if _BLOCK.search(text):
@@ -85,26 +84,10 @@ def _block(match: re.Match[str]) -> str:
     return f"{match[1]}{tables(settings, only=bool(match[4]))}{match[5]}"
 
 
-def _indented(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, indent=2) + "\n"
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write or check the files of this checkout; return the exit code."""
-    name = "python -m scripts.generate_parameters"
-    parser = argparse.ArgumentParser(prog=name, description=__doc__)
-    parser.add_argument("--check", action="store_true", help="write nothing, exit 1 when stale")
-    check = parser.parse_args(arguments).check
-    stale = False
-    for path, text in generated_files(CHECKOUT).items():
-        if path.is_file() and path.read_text(encoding="utf-8") == text:
-            continue
-        stale = True
-        if not check:
-            path.write_text(text, encoding="utf-8", newline="\n")
-        verb = f"out of date, run `{name}`" if check else "written"
-        sys.stdout.write(f"{path.relative_to(CHECKOUT)}: {verb}\n")
-    return 1 if check and stale else 0
+    command = "python -m scripts.generate_parameters"
+    return bring_up_to_date(arguments, command, partial(generated_files, CHECKOUT))
 
 
 if __name__ == "__main__":

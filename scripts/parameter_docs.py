@@ -1,16 +1,23 @@
-"""What declared parameters mean: JSON Schema for editors, and from that tables in Markdown."""
+"""JSON Schema of declared parameters, for editors, and from that tables in Markdown."""
 
 import inspect
 import re
 from collections.abc import Iterator, Mapping
 from types import NoneType
-from typing import Any, get_args, get_origin
+from typing import Any, get_args
 
 import msgspec
 from msgspec import structs
 
 from stepbus_participant import PerName, Settings, format_duration
-from stepbus_participant.parameters import fields_of, options_of, unmarked
+from stepbus_participant.parameters.read import (
+    default_of,
+    fields_of,
+    is_settings,
+    kind_of,
+    options_of,
+    unmarked,
+)
 from stepbus_schemas import field_docstrings, listed
 
 Schema = dict[str, Any]
@@ -46,40 +53,37 @@ class SchemaWriter:
         return {"$ref": f"#/$defs/{name}"}
 
     def struct(self, settings: type[Settings]) -> Schema:
-        """Return the schema of settings as a map."""
-        texts: dict[str, str] = {}
-        for cls in reversed(settings.__mro__):
-            if issubclass(cls, Settings) and cls is not Settings:
-                texts |= field_docstrings(cls)
-        keys = {
-            field.encode_name: fields_of(settings)[field.encode_name]
-            for field in structs.fields(settings)
-        }
-        shown = {key: row for key, row in keys.items() if "own" not in row[1]}
-        required = [key for key, (f, _) in shown.items() if f.required and not self._partial]
+        """Return the schema of settings as a map, with the keys of all their kinds."""
+        tag, kinds = settings.kinds
+        properties, required = {}, []
+        for cls in dict.fromkeys((settings, *kinds.values())):
+            texts = {
+                k: v for base in reversed(cls.__mro__) for k, v in field_docstrings(base).items()
+            }
+            for key, field in fields_of(cls).items():
+                words = [word for word, kind in kinds.items() if key in fields_of(kind)]
+                condition = (
+                    f"With `{tag}: {listed(words)}`. " if key not in fields_of(settings) else ""
+                )
+                text = condition + " ".join(inspect.cleandoc(texts.get(field.name, "")).split())
+                properties.setdefault(key, self._property(field, text))
+                if field.required and not self._partial and key not in required:
+                    required.append(key)
         return {
             "description": inspect.cleandoc(settings.__doc__ or ""),
             # A key that is null counts as absent, and removes what it would inherit.
             "type": ["object", "null"],
-            "properties": {
-                key: self._property(field, marks, texts.get(field.name, ""))
-                for key, (field, marks) in shown.items()
-            },
+            "properties": properties,
             **({"required": required} if required else {}),
-            "additionalProperties": len(shown) < len(keys),
+            "additionalProperties": len(fields_of(settings)) < len(structs.fields(settings)),
         }
 
-    def _property(
-        self, field: structs.FieldInfo, marks: Mapping[str, Any], docstring: str
-    ) -> Schema:
-        text = " ".join(inspect.cleandoc(docstring).split())
-        wanted = " and ".join(f"`{k}: {listed(v)}`" for k, v in marks.get("when", {}).items())
-        described = {"description": f"With {wanted}. {text}" if wanted else text}
+    def _property(self, field: structs.FieldInfo, text: str) -> Schema:
         schema = self.value(field.type)
         if field.required and not self._partial:
-            return {**described, **schema}
+            return {"description": text, **schema}
         preset = {} if field.required or _DEFAULT.search(text) else _default(field)
-        return {**described, **preset, **_nullable(schema)}
+        return {"description": text, **preset, **_nullable(schema)}
 
     def value(self, wanted: Any) -> Schema:
         """Return the schema of a value."""
@@ -88,29 +92,26 @@ class SchemaWriter:
             parts = [part for option in options for part in _options(self.value(option))]
             return parts[0] if len(options) == 1 and len(parts) == 1 else {"anyOf": parts}
         bare, marks = unmarked(wanted)
-        if bare is PerName:
-            number = self.value(options_of(marks["values"])[0])
+        kind, arguments = kind_of(wanted), get_args(bare)
+        if kind is PerName:
+            number = self.value(options_of(marks["of"])[0])
             title = f"{form_of(number)}; one for all joints, a list, or a map by joint"
             return {"title": title, "anyOf": [number, _list(number), _map(number)]}
-        schema = self._form(get_origin(bare) or bare, get_args(bare)) or _leaf(wanted)
-        for meta in getattr(wanted, "__metadata__", ()):
-            title = {"title": meta.title} if meta.title else {}
-            schema = {**title, **schema, **(meta.extra_json_schema or {})}
-        return schema
-
-    def _form(self, kind: Any, arguments: tuple[Any, ...]) -> Schema:
-        """Return the schema of a map or a list; nothing for any other type."""
-        if isinstance(kind, type) and issubclass(kind, Settings):
+        if is_settings(kind):
             inner = self.reference(kind)
             return {"anyOf": [{"type": "string"}, inner]} if kind.short else inner
         if kind is dict:
             values = self.value(arguments[1])
             return _map(_nullable(values) if self._partial else values)
+        schema = _leaf(wanted)
         if kind is tuple:
             count = len(arguments)
             lengths = {} if arguments[-1] is ... else {"minItems": count, "maxItems": count}
-            return {**_list(self.value(arguments[0])), **lengths}
-        return {}
+            schema = {**_list(self.value(arguments[0])), **lengths}
+        for meta in getattr(wanted, "__metadata__", ()):
+            title = {"title": meta.title} if meta.title else {}
+            schema = {**title, **schema, **(meta.extra_json_schema or {})}
+        return schema
 
 
 def _leaf(wanted: Any) -> Schema:
@@ -125,8 +126,7 @@ def _leaf(wanted: Any) -> Schema:
 
 def _default(field: structs.FieldInfo) -> Schema:
     """Return the default as a scenario has it."""
-    is_given = field.default is not msgspec.NODEFAULT
-    value: Any = field.default if is_given else field.default_factory()
+    value = default_of(field)
     if isinstance(value, PerName):
         value = float(repr(value).removeprefix("each(").removesuffix(")"))
     if value in (None, (), {}, "") or isinstance(value, Settings):

@@ -8,7 +8,7 @@ from typing import Any
 
 from .codec import type_name
 from .declaration import Declaration, class_declaration, declare, differences, normal
-from .errors import WiringError
+from .errors import WiringError, suggest
 from .messages import MESSAGE_TYPES, Message
 
 
@@ -47,12 +47,8 @@ class Types:
         cls = MESSAGE_TYPES.get(name) or self._own.get(name)
         if cls is not None:
             return cls
-        every = [*MESSAGE_TYPES, *self._own]
-        stem = name.partition("/")[0]
-        if near := [item for item in every if item.lower() == name.lower()]:
-            raise WiringError(f"unknown message type {name!r}; did you mean {near[0]!r}?")
-        known = ", ".join([item for item in every if item.partition("/")[0] == stem] or every)
-        raise WiringError(f"unknown message type {name!r}; known: {known}")
+        known = suggest(name, (*MESSAGE_TYPES, *self._own))
+        raise WiringError(f"unknown message type {name!r}{known}")
 
     def __contains__(self, name: object) -> bool:
         """Return whether there is such a type."""

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Annotated, Any, Generic, TypeVar, cast, get_args, get_origin
 
 import msgspec
-from msgspec import inspect
 
 from .errors import MessageError, wrong_word
 from .messages import MESSAGE_TYPES, Message
@@ -123,7 +122,6 @@ def _is_bytes(field: msgspec.structs.FieldInfo) -> bool:
 
 
 _PLACE = re.compile(r"(.*?)(?: - at (`key` in )?`\$(.*)`)?", re.DOTALL)
-_STEP = re.compile(r"\.([^.\[]+)|\[[^\]]*\]")
 _NOUNS = {
     "array": "a list",
     "object": "a map",
@@ -158,9 +156,9 @@ _OTHERS = (
 
 
 def explained(exc: Exception, cls: Any = Any) -> str:
-    """Return what an exception of msgspec means, or of the file that it was to read.
+    """Return the message of an exception of msgspec, or of the file that it was to read.
 
-    cls: the type that was decoded; with it, a wrong word is told with the right ones.
+    cls: the type that was decoded; with it, the message about a wrong word lists the right ones.
     """
     if isinstance(exc, OSError):
         return exc.strerror or str(exc)
@@ -168,7 +166,10 @@ def explained(exc: Exception, cls: Any = Any) -> str:
         if isinstance(exc, kind):
             return sentence
     if not isinstance(exc, msgspec.DecodeError):
-        return _unencodable(str(exc))
+        unsupported = re.fullmatch(r"Encoding objects of type (.*) is unsupported", str(exc))
+        if unsupported is None:
+            return str(exc)
+        return f"has a value of type {unsupported[1]}, which no message can carry"
     match = _PLACE.fullmatch(str(exc))
     text, key, path = match.groups("") if match else (str(exc), "", "")
     meaning, where = _meaning(text, cls, path), path.removeprefix(".")
@@ -176,13 +177,6 @@ def explained(exc: Exception, cls: Any = Any) -> str:
         where = f"a key of {where or 'it'}"
     joint = " " if meaning.startswith("must ") else ": "
     return f"{where}{joint}{meaning}" if where else meaning
-
-
-def _unencodable(text: str) -> str:
-    match = re.fullmatch(r"Encoding objects of type (.*) is unsupported", text)
-    if not match:
-        return text
-    return f"has a value of type {match[1]}, which no message can carry"
 
 
 def _meaning(text: str, cls: Any, path: str) -> str:
@@ -201,35 +195,18 @@ def _meaning(text: str, cls: Any, path: str) -> str:
 
 
 def _words_at(cls: Any, path: str) -> list[str]:
-    """Return the words that a type allows at a path such as `.joints[0].mode`."""
-    nodes = [*_options(inspect.type_info(cls))]
-    for step in _STEP.finditer(path):
-        below = [inner for node in nodes for inner in _below(node, step[1])]
-        nodes = [option for inner in below for option in _options(inner)]
-    words = [w for node in nodes if isinstance(node, inspect.LiteralType) for w in node.values]
-    return list(dict.fromkeys(map(str, words)))
+    """Return the words that a type allows for the field of a path such as `.joints[0].mode`."""
+    (root,), parts = msgspec.json.schema_components([cls])
+    name = next(reversed(re.findall(r"\.(\w+)", path)), "")
+    nodes = [part["properties"][name] for part in parts.values() if name in part["properties"]]
+    return list(dict.fromkeys(str(word) for node in nodes or [root] for word in _words(node)))
 
 
-def _options(node: inspect.Type) -> Iterator[inspect.Type]:
-    """Yield the types that a type is one of, without their metadata."""
-    match node:
-        case inspect.Metadata(type=plain):
-            yield from _options(plain)
-        case inspect.UnionType(types=types):
-            for item in types:
-                yield from _options(item)
-        case _:
-            yield node
-
-
-def _below(node: inspect.Type, name: str | None) -> Iterator[inspect.Type]:
-    """Yield the types one step further in; name: of a field, None for an entry of a list or map."""
-    match node:
-        case inspect.StructType(fields=fields):
-            yield from (field.type for field in fields if field.encode_name == name)
-        case inspect.ListType(item_type=item) | inspect.VarTupleType(item_type=item):
-            yield item
-        case inspect.TupleType(item_types=items):
-            yield from items
-        case inspect.DictType(value_type=value):
-            yield value
+def _words(schema: Any) -> Iterator[str]:
+    """Yield the words of a JSON Schema: its own, or those of its entries and alternatives."""
+    yield from schema.get("enum", ())
+    for inner in (*schema.get("anyOf", ()), *schema.get("prefixItems", ())):
+        yield from _words(inner)
+    for key in ("items", "additionalProperties"):
+        if isinstance(schema.get(key), dict):
+            yield from _words(schema[key])

@@ -30,7 +30,14 @@ _LONGEST_ARRAY = 64
 """Most entries of fixed sizes; anything longer is a list with a size by name."""
 _MOST_SIZES = 3
 
-_KEYS = ("type", "unit", "help", "optional", "default", "min")
+_KEYS: Mapping[str, Any] = {
+    "type": Any,
+    "unit": str,
+    "help": str,
+    "optional": bool,
+    "default": Any,
+    "min": Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)],
+}
 _SCALARS: Mapping[str, Any] = {
     "float": float,
     "int": int,
@@ -130,9 +137,13 @@ def type_problems(name: str, declaration: object) -> Iterator[tuple[_Keys, str]]
 
 
 def _row_problems(row: Row) -> Iterator[tuple[_Keys, str]]:
-    for key in row:
-        if key not in _KEYS:
+    for key, value in row.items():
+        try:
+            msgspec.convert(value, _KEYS[key])
+        except KeyError:
             yield (key,), f"unknown key {key!r}; known: {', '.join(_KEYS)}"
+        except msgspec.ValidationError as exc:
+            yield (key,), explained(exc)
     if "type" not in row:
         yield (), f"'type' is missing: {_FORMS}"
         return
@@ -140,20 +151,8 @@ def _row_problems(row: Row) -> Iterator[tuple[_Keys, str]]:
         parts_of(row["type"])
     except ValueError as exc:
         yield ("type",), str(exc)
-    for key in ("unit", "help"):
-        if not isinstance(row.get(key, ""), str):
-            yield (key,), f"must be text, not {row[key]!r}"
-    if row.get("optional", True) is not True:
-        yield ("optional",), f"must be true or false, not {row['optional']!r}"
-    if "min" in row:
-        yield from _minimum_problems(row["min"], row["type"])
-
-
-def _minimum_problems(least: object, form: object) -> Iterator[tuple[_Keys, str]]:
-    if not isinstance(least, int) or isinstance(least, bool) or form != "int":
-        yield ("min",), "must be a whole number, on a field of type int"
-    elif not -(2**63) <= least < 2**63:
-        yield ("min",), "must fit into a signed 64-bit integer"
+    if "min" in row and row["type"] != "int":
+        yield ("min",), "must be on a field of type int"
 
 
 def _default_problems(row: Row) -> Iterator[tuple[_Keys, str]]:
@@ -318,27 +317,23 @@ def _form_of(node: Mapping[str, Any], field: Mapping[str, Any]) -> Any:
 
 
 def differences(one: Declaration, other: Declaration) -> Iterator[tuple[str, str, str]]:
-    """Yield where two declarations of a type do not fit: field, what one says, what the other.
+    """Yield (field, declaration, other declaration) of each field in which two types differ.
 
-    A field that only one of them has fits where it may be left out (P14.2); so does other help.
+    A field of only one of them is no difference if it may be left out (P14.2).
     """
     first, second = fields_of(one), fields_of(other)
     for field in dict.fromkeys((*first, *second)):
         rows = [row for row in (first.get(field), second.get(field)) if row is not None]
-        texts = [_described(fields.get(field)) for fields in (first, second)]
+        texts = [_shown(fields.get(field)) for fields in (first, second)]
         is_added = len(rows) == 1 and ("default" in rows[0] or "optional" in rows[0])
         if texts[0] != texts[1] and not is_added:
             yield field, texts[0], texts[1]
 
 
-def _described(row: Row | None) -> str:
-    """Return a field in words, such as `float[n] [N], default 0.0`."""
+def _shown(row: Row | None) -> str:
+    """Return a field as declared, without its help."""
     if row is None:
         return "absent"
-    form = row["type"]
-    parts = [" | ".join(form) if isinstance(form, list) else str(form)]
-    parts[0] += f" [{row['unit']}]" if "unit" in row else ""
-    parts += ["optional"] if row.get("optional") else []
-    parts += [f"default {json.dumps(row['default'])}"] if "default" in row else []
-    parts += [f"at least {row['min']}"] if "min" in row else []
-    return ", ".join(parts)
+    others = {key: value for key, value in row.items() if key not in ("type", _HELP)}
+    words = (f", {k} {json.dumps(v, ensure_ascii=False)}" for k, v in others.items())
+    return f"of type {row['type']}{''.join(words)}"

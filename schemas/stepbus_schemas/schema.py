@@ -2,7 +2,6 @@
 
 import ast
 import inspect
-import sys
 import textwrap
 from functools import cache
 from itertools import pairwise
@@ -16,9 +15,6 @@ from .messages import Message
 from .protocol import ENVELOPE_TYPES, Envelope
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-
-_NO_DOCSTRINGS = 2
-"""Level of optimisation (`-OO`) from which Python keeps no docstrings."""
 
 ANY_VALUE = {"description": "any MessagePack value"}
 """Schema of a value that is passed on unread; it accepts anything."""
@@ -59,22 +55,11 @@ def _describe(cls: type, name: str, schema: dict[str, Any]) -> None:
     part = getattr(protocol, name, None) or getattr(messages, name, None)
     if name == cls.__name__:
         part = cls
-    text = schema.get("description") or ("" if part is None else _docstring(part))
+    text = schema.get("description") or (part and part.__doc__) or ""
     schema["description"] = inspect.cleandoc(text)
     texts = {} if part is None or issubclass(part, Message) else field_docstrings(part)
     for field, properties in schema["properties"].items():
         properties.setdefault("description", texts.get(field, ""))
-
-
-def _docstring(cls: type) -> str:
-    """Return the docstring of a class, also where `python -OO` has left it out.
-
-    It is in each recording, whose bytes must not depend on that.
-    """
-    if cls.__doc__ or sys.flags.optimize < _NO_DOCSTRINGS:
-        return cls.__doc__ or ""
-    definition = _definition(cls)
-    return ast.get_docstring(definition, clean=False) or "" if definition else ""
 
 
 @cache

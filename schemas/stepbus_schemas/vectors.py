@@ -24,7 +24,6 @@ NOTATION = (
 
 _SAFE_INTEGER = 2**53 - 1
 
-_ODD = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf, "minus zero": -0.0}
 _TEXT = "\u0301e · 左腕 · \U0001f9be · \n\"'"
 _BYTES = b"\xff\xc1\x00"
 
@@ -74,17 +73,13 @@ def notation(value: Any) -> Any:
 def _examples(declaration: Declaration) -> dict[str, dict[str, Any]]:
     """Return the exact vectors of a declared type, by name.
 
-    `minimal`, with the required fields only; `full`, with all of them, none empty or as by
-    default; and one with each odd float.
+    `minimal` has the required fields only; `full` has all fields, none empty or at its default.
     """
     rows = fields_of(declaration)
     required = {name: row for name, row in rows.items() if not {"default", "optional"} & row.keys()}
     minimal = {name: _filled(row, 0) for name, row in required.items()}
     full = {name: _other(row) for name, row in rows.items()}
-    full = {name: value for name, value in full.items() if value is not None}
-    odd = {name: _with(full, number) for name, number in _ODD.items()}
-    changed = {name: value for name, value in odd.items() if repr(value) != repr(full)}
-    return {"minimal": minimal, "full": full, **changed}
+    return {"minimal": minimal, "full": {k: v for k, v in full.items() if v is not None}}
 
 
 def _other(row: Row) -> Any:
@@ -114,15 +109,3 @@ def _filled(row: Row, number: int) -> Any:
         return min(row["type"]) if scalar == "words" else values[scalar]
 
     return filled(sizes, number)
-
-
-def _with(value: Any, odd: float) -> Any:
-    """Return a value with an odd number for each float."""
-    match value:
-        case dict():
-            return {key: _with(item, odd) for key, item in value.items()}
-        case list():
-            return [_with(item, odd) for item in value]
-        case float():
-            return odd
-    return value

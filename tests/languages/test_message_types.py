@@ -96,7 +96,7 @@ def test_a_program_in_c_that_insists_on_another_version_is_refused_before_the_ru
         load(copy)
     first = str(caught.value).splitlines()[0]
     assert first.startswith("scenario.yaml:17: ")
-    assert first.endswith("'Depth/2'; known: Depth/1")
+    assert first.endswith("'Depth/2'; did you mean 'Depth/1'?")
 
 
 @pytest.mark.slow

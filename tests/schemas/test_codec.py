@@ -105,8 +105,8 @@ def test_a_wrong_word_is_explained_wherever_it_stands(value: object, sentence: s
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("JointState/9", "known: JointState/1"),
-        ("Nonsense/1", "known: BaseCommand/1, BaseState/1"),
+        ("JointState/9", "did you mean 'JointState/1'"),
+        ("Zzz", "known: BaseCommand/1, BaseState/1"),
         ("IMU/1", "did you mean 'Imu/1'"),
         ("Log/1", "unknown message type 'Log/1'"),
     ],

@@ -141,7 +141,7 @@ def test_a_wrong_message_is_refused_with_type_and_path():
 
 def test_a_type_that_ships_is_in_every_catalogue():
     assert TYPES["Imu/1"] is Imu
-    with pytest.raises(WiringError, match=r"'Thruster/3'; known: Thruster/1$"):
+    with pytest.raises(WiringError, match=r"'Thruster/3'; did you mean 'Thruster/1'"):
         TYPES["Thruster/3"]
 
 
@@ -204,10 +204,10 @@ PROBLEMS = [
     ("T/1", {"a": ["on", True]}, "a list holds the allowed words"),
     ("T/1", {"a": {"unit": "N"}}, "'type' is missing"),
     ("T/1", {"a": {"type": "float", "units": "N"}}, "unknown key 'units'"),
-    ("T/1", {"a": {"type": "float", "unit": 3}}, "must be text, not 3"),
-    ("T/1", {"a": {"type": "float", "optional": 1}}, "must be true or false, not 1"),
+    ("T/1", {"a": {"type": "float", "unit": 3}}, "must be text, not an integer"),
+    ("T/1", {"a": {"type": "float", "optional": 1}}, "must be true or false, not an integer"),
     ("T/1", {"a": {"type": "float", "min": 1}}, "on a field of type int"),
-    ("T/1", {"a": {"type": "int", "min": 2**63}}, "must fit into a signed 64-bit integer"),
+    ("T/1", {"a": {"type": "int", "min": 2**63}}, "must be at most 9223372036854775807"),
     ("Fault/1", {"a": "float"}, "Fault/1 is a protocol message"),
     ("Outputs/2", {"a": "float"}, "Outputs/2 is a protocol message"),
     (
@@ -256,11 +256,17 @@ def test_help_order_and_fields_that_may_be_left_out_make_no_difference(other):
 @pytest.mark.parametrize(
     ("other", "text"),
     [
-        ({"a": "int"}, "T/1 differs: a is float in one, int in other"),
-        ({"a": {"type": "float", "unit": "N"}}, "a is float in one, float [N] in other"),
-        ({"a": "float", "b": "int"}, "b is absent in one, int in other"),
-        ({"b": "float"}, "a is float in one, absent in other"),
-        ({"a": {"type": "float", "default": 1}}, "a is float in one, float, default 1 in other"),
+        ({"a": "int"}, "T/1 differs: a is of type float in one, of type int in other"),
+        (
+            {"a": {"type": "float", "unit": "N"}},
+            'a is of type float in one, of type float, unit "N" in other',
+        ),
+        ({"a": "float", "b": "int"}, "b is absent in one, of type int in other"),
+        ({"b": "float"}, "a is of type float in one, absent in other"),
+        (
+            {"a": {"type": "float", "default": 1}},
+            "a is of type float in one, of type float, default 1 in other",
+        ),
     ],
 )
 def test_every_other_difference_is_told(other, text):

@@ -22,7 +22,7 @@ def test_generate_writes_nothing_over_a_broken_number(monkeypatch, capsys):
     vectors = copy.deepcopy(published_vectors())
     vectors["Trigger/1"]["exact"] |= {b"\x81\xa5token\xa10".hex(): ""}
     monkeypatch.setattr("scripts.generate_messages.published_vectors", lambda: vectors)
-    monkeypatch.setattr("scripts.generate_messages.write", lambda _root: pytest.fail("it wrote"))
+    monkeypatch.setattr("scripts.generate_messages.generated_files", lambda _: pytest.fail("wrote"))
     assert main([]) == 1
     assert re.search(r"Trigger/1: 1 vectors .* raise PROTOCOL_VERSION", capsys.readouterr().out)
 

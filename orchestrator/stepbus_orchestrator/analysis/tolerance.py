@@ -12,7 +12,7 @@ from typing import Any, Literal
 import msgspec
 
 from stepbus_participant import NonNegative, Settings, suggest
-from stepbus_participant.parameters import read_value, read_yaml
+from stepbus_participant.parameters import read, read_yaml
 from stepbus_schemas import WiringError
 
 ANY = "*"
@@ -169,7 +169,7 @@ def read_tolerance(path: Path) -> Tolerance:
     """
     file = read_yaml(path, "a tolerance file must map topics to fields")
     problems = file.problems()
-    topics: dict[str, Literal["ignore"] | dict[str, _Row]] = read_value(
+    topics: dict[str, Literal["ignore"] | dict[str, _Row]] = read(
         dict[str, Literal["ignore"] | dict[str, _Row]], file.data, problems
     )
     problems.refuse()

@@ -6,46 +6,37 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from msgspec import structs
 
 from stepbus_orchestrator.scenario.faults import parse_fault
 from stepbus_orchestrator.scenario.model import (
-    LAST_TCP_PORT,
     FaultSpec,
     ParticipantRow,
     ParticipantSpec,
     Scenario,
     ScenarioFile,
+    message_problems,
 )
 from stepbus_orchestrator.scenario.override import TOP_KEYS
-from stepbus_participant import LONGEST_NS, Problems, suggest, whole_steps
+from stepbus_participant import Problems, suggest, whole_steps
 from stepbus_participant.parameters import Keys, is_file_name, read, read_types
-from stepbus_schemas import Types, explained
+from stepbus_schemas import Types
 
-_MOST_PARTICIPANTS = 1000
-"""Any two have a link, and each participant is a process."""
 _RESERVED = ("orchestrator", *TOP_KEYS)
 
 
 def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
     """Return the scenario that plain data describes.
 
-    Values that are wrong are added to the problems and replaced by defaults.
+    Every mistake is added to the problems, and a default stands in its place.
     """
-    participants = data.get("participants")
-    if isinstance(participants, dict) and len(participants) > _MOST_PARTICIPANTS:
-        text = f"has {len(participants)}; a run has at most {_MOST_PARTICIPANTS}"
-        problems.add(("participants",), text)
-        problems.refuse()
     row = read(ScenarioFile, data, problems)
     types, type_files = _own_types(row.types, file.parent, problems)
-    specs = [_participant(name, item, row, problems) for name, item in row.participants.items()]
-    if participants == {}:
+    specs = [_participant(name, item, problems) for name, item in row.participants.items()]
+    if data.get("participants") == {}:
         problems.add(("participants",), "is empty; a scenario needs at least one participant")
     for spec in specs:
         _check_types(spec, data["participants"][spec.name], types, problems)
-    _check_bus(row, problems)
     most = max(1, row.window // 2)
     if row.batch is not None and row.batch > most:
         text = f"must be at most half the window ({row.window}), that is {most}, not {row.batch}"
@@ -77,18 +68,6 @@ def _steps(
     return problems.attempt((key,), partial(whole_steps, data[key], step_ns))
 
 
-def _check_bus(row: ScenarioFile, problems: Problems) -> None:
-    bus, last = row.bus, LAST_TCP_PORT - len(row.participants)
-    if bus.port is not None:
-        if bus.transport == "unix" and not problems.has(("bus", "transport")):
-            problems.add(("bus", "port"), "is only for transport tcp; Unix sockets have no port")
-        elif bus.port > last:
-            problems.add(("bus", "port"), f"must be at most {last}, not {bus.port}")
-    if bus.transport == "tcp" and bus.low_latency:
-        text = "is only for transport unix; TCP never uses the low-latency transport; remove it"
-        problems.add(("bus", "low_latency"), text)
-
-
 def _faults(
     texts: tuple[str, ...], scenario: Scenario, problems: Problems
 ) -> tuple[FaultSpec, ...]:
@@ -100,15 +79,10 @@ def _faults(
     return tuple(faults)
 
 
-def _participant(
-    name: str, row: ParticipantRow, scenario: ScenarioFile, problems: Problems
-) -> ParticipantSpec:
+def _participant(name: str, row: ParticipantRow, problems: Problems) -> ParticipantSpec:
     keys = ("participants", name)
     if name in _RESERVED:
         problems.add(keys, f"{name!r} is a reserved name; choose another")
-    most = LONGEST_NS // (scenario.step_ns or 1)
-    if row.every > most:
-        problems.add((*keys, "every"), f"must be at most {most}, not {row.every}")
     changed: dict[str, Any] = {
         "inputs": {
             p: item for p, item in row.inputs.items() if not problems.has((*keys, "inputs", p))
@@ -176,10 +150,5 @@ def _safe_problems(
             continue
         name = spec.outputs[port].type
         if name in types:
-            fields = types[name].__struct_fields__
-            for field in (field for field in message if field not in fields):
-                yield (port, field), f"{name} has no field {field!r}{suggest(field, fields)}"
-            try:
-                msgspec.convert(message, types[name])
-            except msgspec.ValidationError as exc:
-                yield (port,), f"is not a valid {name}: {explained(exc, types[name])}"
+            for at, text in message_problems(message, types[name], name):
+                yield (port, *at), text

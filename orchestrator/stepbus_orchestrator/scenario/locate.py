@@ -19,14 +19,10 @@ def locate(name: str | Path) -> Path:
 
     Raises SettingsError when there is no such scenario.
     """
-    path = Path(name)
-    for file in (path, path / MAIN_FILE):
-        if is_file(file):
-            return file.resolve()
-    builtin = _builtin_files()
-    if str(name) in builtin:
-        return builtin[str(name)]
-    raise fatal(str(name), _missing(path, str(name), builtin))
+    path = locate_from(str(name), Path())
+    if path is None:
+        raise fatal(str(name), _missing(Path(name), str(name)))
+    return path.resolve()
 
 
 def locate_from(name: str, folder: Path) -> Path | None:
@@ -44,7 +40,7 @@ def package_url(file: Path) -> str | None:
     return None
 
 
-def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
+def _missing(path: Path, name: str) -> str:
     hint = extra_hint(name.partition("/")[0])
     if hint and not path.suffix:
         return f"that scenario is not installed{hint}"
@@ -54,7 +50,7 @@ def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
         return f"no such file or folder (looked in {Path.cwd()})"
     return (
         "no such file, folder or built-in scenario (give the path of your own, e.g. "
-        f"./my_robot/{MAIN_FILE}){suggest(name, builtin)}"
+        f"./my_robot/{MAIN_FILE}){suggest(name, builtin_names())}"
     )
 
 

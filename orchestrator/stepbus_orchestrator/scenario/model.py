@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import structs
 
-from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest, when
+from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest
 from stepbus_participant.parameters import Keys, Pause
 from stepbus_schemas import (
     SHIPPED,
@@ -65,6 +65,11 @@ class BusSpec(Settings):
     """Zenoh's low-latency transport: faster, but it loses messages over 64 KiB; never
     over TCP. Default: the orchestrator chooses."""
 
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield a port for Unix sockets."""
+        if self.port is not None and self.transport == "unix":
+            yield ("port",), "is only for transport tcp; Unix sockets have no port"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Deadlines:
@@ -104,8 +109,8 @@ class ParticipantRow(Settings, dict=True):
     real_time: bool = False
     """Whether it has to keep time in a run in real time
     ([real_time.md](../guide/running/real_time.md)). Changes no result."""
-    on_late: Annotated[Literal["count", "fail"], when(real_time=True)] = "count"
-    """Whether the run counts its late steps, or fails at the first."""
+    on_late: Literal["count", "fail"] = "count"
+    """Whether the run counts its late steps, or fails at the first; with `real_time`."""
     spawn_timeout_ns: Duration | None = None
     """Time until its process is on the bus. Default: 20s, with `start: external` 2min."""
     join_timeout_ns: Duration = round(Deadlines.join_s * 1e9)
@@ -184,6 +189,8 @@ class ParticipantRow(Settings, dict=True):
             yield (), "needs either 'participant', a class, or 'exec', the command of a program"
         elif not self.exec[0]:
             yield ("exec",), "needs the name of a program"
+        if self.on_late == "fail" and not self.real_time:
+            yield ("on_late",), "applies only with real_time true"
         for index, word in enumerate(self.exec):
             if "\0" in word:
                 yield ("exec", index), "must not contain a null character"
@@ -208,14 +215,21 @@ class ParticipantRow(Settings, dict=True):
             keys = ("bridge", "describe", port)
             if port not in self.outputs:
                 yield keys, f"no output {port!r}{suggest(port, self.outputs)}"
-            for key in description:
-                if key not in Description.__struct_fields__:
-                    known = Description.__struct_fields__
-                    yield (*keys, key), f"unknown key {key!r}{suggest(key, known)}"
-            try:
-                msgspec.convert(description, Description)
-            except msgspec.ValidationError as exc:
-                yield keys, explained(exc, Description)
+            for at, text in message_problems(description, Description, "Description"):
+                yield (*keys, *at), text
+
+
+def message_problems(
+    data: Mapping[str, Any], cls: type[msgspec.Struct], name: str
+) -> Iterator[tuple[Keys, str]]:
+    """Yield all reasons why plain data is no message of a class. name: of the class."""
+    known = cls.__struct_fields__
+    for key in (key for key in data if key not in known):
+        yield (key,), f"{name} has no field {key!r}{suggest(key, known)}"
+    try:
+        msgspec.convert(data, cls)
+    except msgspec.ValidationError as exc:
+        yield (), f"is not a valid {name}: {explained(exc, cls)}"
 
 
 class ParticipantSpec(ParticipantRow):

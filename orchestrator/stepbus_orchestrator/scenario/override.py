@@ -21,14 +21,15 @@ Overrides = Mapping[str, Any] | Sequence[str]
 """Path → value, or texts such as `controller.params.kp=80`."""
 TOP_KEYS = tuple(name for name in ScenarioFile.__struct_encode_fields__ if name != "extends")
 _INDEX = re.compile(r"[0-9]{1,9}")
-_MAY_BE_NEW = ("inputs", "outputs", "params")
+_OF_NAMES = (("participants",), ("inputs",), ("outputs",))
+"""Last keys of maps by name: to change a part of an entry that is not there is a slip."""
 
 
 def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
     """Return a scenario with settings such as `duration=2s` or `bus.transport=tcp` applied.
 
     The first part of a path is a key of the scenario or the name of a participant. Values are
-    YAML; null removes the key. A setting that cannot be applied becomes a problem of the document.
+    YAML; null removes the key. Mistakes in settings become problems of the document.
     """
     data, places, problems = document.data, dict(document.places), list(document.own_problems)
     for setting in settings:
@@ -90,25 +91,13 @@ def _replaced(node: Any, at: Keys, keys: Keys, value: Any) -> Any:
         raise WiringError(f"{here} is {show(node)} and has no keys; set it as a whole")
     if rest:
         below = node.get(key)
-        if below is None and not _may_be_new((*at, key)):
+        if below is None and len(at) < 4 and at[-1:] in _OF_NAMES:
             raise WiringError(f"{here} has no {key!r}{suggest(key, node)}")
         return {**node, key: _replaced({} if below is None else below, (*at, key), rest, value)}
     if value is None:
         return {name: item for name, item in node.items() if name != key}
     is_row = len(at) == 2 and at[0] == "participants"
     return {**(without_replaced(node, {key: value}) if is_row else node), key: value}
-
-
-def _may_be_new(keys: Keys) -> bool:
-    match keys:
-        case ("bus",):
-            return True
-        case ("participants", _, section):
-            return section in _MAY_BE_NEW
-        case ("participants", _, "params", *_):
-            return True
-        case _:
-            return False
 
 
 def named_from_here(setting: str) -> str:

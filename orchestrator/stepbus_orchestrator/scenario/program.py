@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 from collections.abc import Sequence
-from importlib.machinery import ModuleSpec, PathFinder
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 from msgspec import structs
@@ -104,7 +104,7 @@ def _find(program: str, folder: Path) -> str:
 
 
 def check_program(spec: ParticipantSpec, folder: Path) -> None:
-    """Raise WiringError when a program, or what Python is to run, is missing; imports nothing."""
+    """Raise WiringError if a program, script or module is missing; imports nothing."""
     script = module = ""
     if spec.participant:
         name = spec.participant.rpartition(":")[0]
@@ -120,16 +120,11 @@ def check_program(spec: ParticipantSpec, folder: Path) -> None:
         scripts = [item.name for item in folder.glob("*.py")]
         raise WiringError(f"no file {script!r} in {folder}{suggest(script, sorted(scripts))}")
     if module:
-        found = _find_module(module, folder)
-        is_package = not spec.participant and found.submodule_search_locations
-        if is_package and not _submodule(found, f"{module}.__main__"):
-            raise WiringError(
-                f"the Python package {module!r} has no __main__.py, so `python -m` cannot run it"
-            )
+        _find_module(module, folder)
 
 
-def _find_module(name: str, folder: Path) -> ModuleSpec:
-    """Return where a module is; raises WiringError where it is not."""
+def _find_module(name: str, folder: Path) -> None:
+    """Raise WiringError if there is no such module."""
     parts = name.split(".")
     spec = None
     if all(part.isidentifier() for part in parts) and parts[0] != "__main__":
@@ -137,19 +132,15 @@ def _find_module(name: str, folder: Path) -> ModuleSpec:
         own = None if is_installed(name) else PathFinder.find_spec(parts[0], [str(folder)])
         spec = own or importlib.util.find_spec(parts[0])
     for depth in range(2, len(parts) + 1):
-        spec = _submodule(spec, ".".join(parts[:depth])) if spec else None
+        below = spec and spec.submodule_search_locations
+        spec = PathFinder.find_spec(".".join(parts[:depth]), list(below)) if below else None
     if spec is not None:
-        return spec
+        return
     where = f"neither installed for {sys.executable} nor in {folder}"
     if is_installed(name):
         where = f"not installed for {sys.executable}{extra_hint(name)}"
     known = [item.rpartition(":")[0] for item in participant_classes()]
     raise WiringError(f"no Python module {name!r}, {where}{suggest(name, known)}")
-
-
-def _submodule(parent: ModuleSpec, name: str) -> ModuleSpec | None:
-    locations = parent.submodule_search_locations
-    return PathFinder.find_spec(name, list(locations)) if locations else None
 
 
 def participant_classes() -> list[str]:
@@ -162,16 +153,12 @@ def missing(spec: ParticipantSpec) -> str:
     module = spec.participant.rpartition(":")[0]
     needs = (needed for key, needed in NEEDS.items() if f"{module}.".startswith(f"{key}."))
     lacking = [
-        name for names in needs for name in names if not any(map(_is_here, name.split(" or ")))
+        name
+        for names in needs
+        for name in names
+        if not any(map(importlib.util.find_spec, name.split(" or ")))
     ]
     return lacks(module, *lacking) if lacking else ""
-
-
-def _is_here(module: str) -> bool:
-    try:
-        return importlib.util.find_spec(module) is not None
-    except ModuleNotFoundError:
-        return False
 
 
 def check_installed(scenario: Scenario) -> None:

@@ -1,7 +1,7 @@
 """Which files belong to a run, so that it can be repeated from its recording alone.
 
-They are those that the scenario names; with one of these in the scenario's folder, all that lies in
-it; and what participants declare in `files`.
+They are those in the scenario's folder, those that the scenario names, and those that participants
+declare in `files`.
 """
 
 import os
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import file_in, is_installed, read_file
+from stepbus_participant import file_in, read_file
 from stepbus_participant.parameters import Keys
 
 IGNORE_FILE = ".stepbusignore"
@@ -33,8 +33,8 @@ class Files:
     """The files of a run.
 
     paths: name → file; the name is relative to the scenario's folder, with `/`, and with `..` where
-    the file is in a folder beside or above. problems: values of the scenario whose file cannot be
-    found from a copy of all these. left_out: what a rerun does not find, a sentence each.
+    the file is in a folder beside or above. problems: (keys, message) of each value of the scenario
+    whose file is not found from a copy of these. left_out: messages about files that a rerun lacks.
     """
 
     folder: Path
@@ -55,14 +55,10 @@ class Files:
 def find_files(scenario: Scenario) -> Files:
     """Return the files of a scenario."""
     files = Files(folder=scenario.folder)
-    is_used = False
+    _take_folder(files, is_declared=any(spec.files for spec in scenario.participants))
     for keys, text, is_program in _texts(scenario):
         if path := _named(files, keys, text, is_program=is_program):
             files.take([path])
-            is_used |= path.is_relative_to(files.folder)
-        is_used |= _is_module(text, files.folder)
-    if is_used:
-        _take_folder(files, is_declared=any(spec.files for spec in scenario.participants))
     for spec in scenario.participants:
         _take_declared(files, spec)
     files.paths = dict(sorted(files.paths.items()))
@@ -91,20 +87,15 @@ def texts_in(value: Any, keys: Keys = ()) -> Iterator[tuple[Keys, str]]:
             yield from texts_in(item, (*keys, key))
 
 
-def _is_module(text: str, folder: Path) -> bool:
-    """Return whether a text may be a Python module of a folder, or a class in one."""
-    top = re.split("[.:]", text)[0]
-    is_there = is_file(folder / f"{top}.py") or is_folder(folder / top)
-    return top.isidentifier() and is_there and not is_installed(top)
-
-
 def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | None:
     """Return the file that a text names; None where it names none, or one that is not recorded."""
     # Not resolve(): what a link of the folder points to may lie outside, the link itself does not.
     path = Path(os.path.normpath(files.folder / text))
     if not text or "://" in text or not is_file(path):
         return None
-    if is_program and (is_in_environment(path) or _is_elsewhere(files, path)):
+    # A program of another folder, or of a virtual environment, is installed and not recorded.
+    is_far = is_in_environment(path) or not path.is_relative_to(files.folder)
+    if is_program and is_far and os.access(path, os.X_OK):
         return None
     # In a copy, the folders above the scenario's have other names.
     if os.path.normpath(text) != files.name(path):
@@ -117,11 +108,6 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
     return path
 
 
-def _is_elsewhere(files: Files, path: Path) -> bool:
-    """Return whether a program is installed somewhere, and none of the scenario's folder."""
-    return os.access(path, os.X_OK) and not path.is_relative_to(files.folder)
-
-
 def _text(path: Path) -> str:
     """Return the text of a file; nothing of one that cannot be read, or is too large for one."""
     try:
@@ -131,12 +117,14 @@ def _text(path: Path) -> str:
 
 
 def _take_folder(files: Files, *, is_declared: bool) -> None:
-    """Take what is in the scenario's folder, but for what is ignored; nothing where it is much.
+    """Add the files of the scenario's folder that are not ignored; none if they are too large.
 
-    is_declared: the scenario says in `files` what its programs load.
+    is_declared: the scenario lists in `files` the files that its programs load.
     """
     root = files.folder
-    ignored = (*_IGNORED, *_patterns(root / IGNORE_FILE))
+    lines = (line.strip() for line in _text(root / IGNORE_FILE).splitlines())
+    own = (line.removesuffix("/") for line in lines if line and line[0] != "#")
+    ignored = (*_IGNORED, *own)
     paths: list[Path] = []
     size = 0
     for top, folders, names in os.walk(root):
@@ -166,11 +154,6 @@ def _is_ignored(path: Path, root: Path, patterns: Sequence[str]) -> bool:
     return is_named or not path.name.isprintable()
 
 
-def _patterns(path: Path) -> list[str]:
-    lines = (line.strip() for line in _text(path).splitlines())
-    return [line.removesuffix("/") for line in lines if line and line[0] != "#"]
-
-
 def _take_declared(files: Files, spec: ParticipantSpec) -> None:
     """Take what a participant declares: files, and all that is in folders."""
     for index, pattern in enumerate(spec.files):
@@ -178,16 +161,12 @@ def _take_declared(files: Files, spec: ParticipantSpec) -> None:
             matches = sorted(files.folder.glob(pattern))
         except (NotImplementedError, ValueError):
             matches = []
-        paths = [path for top in matches for path in ([top] if is_file(top) else _all_below(top))]
+        below = (path for top in matches for path in ([top] if is_file(top) else top.rglob("*")))
+        paths = [p for p in below if is_file(p) and "__pycache__" not in p.parts]
         if not paths:
             keys: Keys = ("participants", spec.name, "files", index)
             files.problems.append((keys, f"no file matches {pattern!r} in {files.folder}"))
         files.take(Path(os.path.normpath(path)) for path in paths)
-
-
-def _all_below(folder: Path) -> list[Path]:
-    """Return the files below a folder, sorted; without what Python has compiled."""
-    return [p for p in sorted(folder.rglob("*")) if is_file(p) and "__pycache__" not in p.parts]
 
 
 def is_file(path: Path) -> bool:

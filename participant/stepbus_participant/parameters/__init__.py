@@ -1,4 +1,4 @@
-"""Parameters declared once: what is wrong with a configuration, and YAML with lines.
+"""Parameters declared once, the problems of a configuration, and YAML with lines.
 
 The types of parameters are names of `stepbus_participant` itself. What reads YAML is imported when
 it is first used: a participant does not need it.
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from stepbus_participant.packages import imported_later
 
-from .forms import *
 from .kinds import Pause as Pause
 from .problems import *
 from .read import *

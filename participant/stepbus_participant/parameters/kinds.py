@@ -34,8 +34,6 @@ __all__ = [
     "Vector3",
     "Whole",
     "each",
-    "needed_when",
-    "when",
 ]
 
 _DURATION = r"^[0-9.]+(/[0-9]+)? *(ns|us|µs|μs|ms|s|min|h)$"
@@ -95,21 +93,6 @@ def each(value: float) -> PerName:
     return PerName(value)
 
 
-def when(**values: str | bool | tuple[str, ...]) -> msgspec.Meta:
-    """Return a mark: the key applies only if other keys have these values.
-
-    `Annotated[Positive, when(smoothing="low_pass")]` is then required, unless it has a default,
-    and rejected otherwise.
-    """
-    wanted = {key: value if isinstance(value, tuple) else (value,) for key, value in values.items()}
-    return msgspec.Meta(extra={"when": wanted})
-
-
-def needed_when(**values: str | bool | tuple[str, ...]) -> msgspec.Meta:
-    """Return a mark like `when`, for a key that is ignored with other values, not rejected."""
-    return msgspec.Meta(extra={**(when(**values).extra or {}), "ignored": True})
-
-
 def _find(name: str, folder: Path | None) -> Path:
     if folder is None:
         return Path(name)
@@ -131,14 +114,25 @@ def _duration(text: str, _folder: Path | None, *, may_be_zero: bool = False) -> 
     return parse_duration(text, may_be_zero=may_be_zero)
 
 
+def _distinct(names: tuple[str, ...], _folder: Path | None) -> tuple[str, ...]:
+    twice = [repr(name) for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise WiringError(f"names {', '.join(twice)} twice")
+    return names
+
+
 def _written(title: str, noun: str, read: object, **schema: object) -> msgspec.Meta:
     """Return the mark of a type that `read(text, folder)` makes from a text."""
     return msgspec.Meta(
         title=title,
-        description=noun,
-        extra={"read": read},
+        extra={"of": Annotated[str, msgspec.Meta(min_length=1, description=noun)], "read": read},
         extra_json_schema={"type": "string", **schema},
     )
+
+
+def _per_name(values: object) -> msgspec.Meta:
+    """Return the mark of a `PerName`; values: the type of its numbers, lists and maps."""
+    return msgspec.Meta(extra={"of": values, "read": None})
 
 
 Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
@@ -190,10 +184,14 @@ Names = Annotated[
     tuple[Text, ...],
     msgspec.Meta(
         title="list of names",
-        description="a list of one or more names",
-        min_length=1,
-        extra={"distinct": True},
-        extra_json_schema={"uniqueItems": True},
+        extra={
+            "of": Annotated[
+                tuple[Text, ...],
+                msgspec.Meta(min_length=1, description="a list of one or more names"),
+            ],
+            "read": _distinct,
+        },
+        extra_json_schema={"minItems": 1, "uniqueItems": True},
     ),
 ]
 """Distinct names, at least one."""
@@ -209,9 +207,9 @@ Plugin = Annotated[
 """Your own class, `file.py:Class` or `module:Class`; undeclared keys become its parameters."""
 Own = Annotated[dict[str, Any], msgspec.Meta(extra={"own": True})]
 """Collects the parameters of your own class."""
-PerJoint = Annotated[PerName, msgspec.Meta(extra={"values": _PerName[Finite]})]
+PerJoint = Annotated[PerName, _per_name(_PerName[Finite])]
 """One number for all `joints`, a list with one per joint, or a map by joint."""
-NonNegativePerJoint = Annotated[PerName, msgspec.Meta(extra={"values": _PerName[NonNegative]})]
+NonNegativePerJoint = Annotated[PerName, _per_name(_PerName[NonNegative])]
 """Like `PerJoint`, each number at least 0."""
-PositivePerJoint = Annotated[PerName, msgspec.Meta(extra={"values": _PerName[Positive]})]
+PositivePerJoint = Annotated[PerName, _per_name(_PerName[Positive])]
 """Like `PerJoint`, each number positive."""

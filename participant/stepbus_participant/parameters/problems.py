@@ -13,7 +13,6 @@ Keys = tuple[str | int, ...]
 
 _T = TypeVar("_T")
 _SHOWN_CHARACTERS = 60
-_SHOWN_PROBLEMS = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +25,7 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One thing that is wrong: in which line of which file, at which keys, and why."""
+    """One mistake: its file and line, the keys that lead to it, and the message."""
 
     file: str
     line: int
@@ -53,9 +52,7 @@ class SettingsError(WiringError):
         super().__init__(self.problems)
 
     def __str__(self) -> str:
-        more = len(self.problems) - _SHOWN_PROBLEMS
-        rest = [f"and {more} more; fix these first"] if more > 0 else []
-        return "\n".join([*map(str, self.problems[:_SHOWN_PROBLEMS]), *rest])
+        return "\n".join(map(str, self.problems))
 
 
 class Problems:
@@ -77,6 +74,7 @@ class Problems:
         self._places = places or {}
         self.above = above
         self._problems: list[Problem] = []
+        # A scenario may have thousands of problems.
         self._with_problems: set[Keys] = set()
         self._extend(problems)
 
@@ -98,9 +96,9 @@ class Problems:
         """Add every line of an error at `keys`; the problems of a SettingsError as they are."""
         if isinstance(error, SettingsError):
             self._extend(error.problems)
-            return
-        for line in str(error).splitlines():
-            self.add(keys, line)
+        else:
+            for line in str(error).splitlines():
+                self.add(keys, line)
 
     def attempt(self, keys: Keys, make: Callable[[], _T]) -> _T | None:
         """Return the result of a call; on WiringError, add it at `keys` and return None."""

@@ -44,10 +44,13 @@ class _SettingsMeta(msgspec.StructMeta):
 class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
     """A set of parameters, with one field per key; `read.py` of this package documents the checks.
 
-    short: key that gets the value if the scenario has a string instead of a map.
+    short: key that gets the value if the scenario has a string instead of a map. kinds: a tagged
+    union: a key, and value of that key → the subclass with its further keys, such as
+    `("law", {"pid": PIDParams})`; other values have no further keys.
     """
 
     short: ClassVar[str] = ""
+    kinds: ClassVar[tuple[str, Mapping[str, type[Any]]]] = ("", {})
 
     @classmethod
     def elsewhere(cls, key: str) -> str:  # noqa: ARG003

@@ -1,14 +1,12 @@
 """YAML 1.2 as plain data, with the line of each value: the one place where YAML is read."""
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.composer import MaxDepthExceededError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
@@ -20,18 +18,17 @@ _STANDARD = "tag:yaml.org,2002:"
 _TEXTS = ("str", "timestamp", "value")
 """Dates are no type of YAML 1.2's core schema, nor is '='."""
 _OTHERS = ("bool", "float", "int")
-_MOST_CHARACTERS = 1_000_000
-_MOST_VALUES = 50_000
+_MOST_CHARACTERS, _MOST_VALUES = 1_000_000, 50_000
 """Aliases of aliases can stand for billions of values in a few lines."""
-_DEEPEST = 100
-_HINT = "check the indentation (no tabs), brackets and quotes; special characters need quotes"
+_TOO_LARGE = f"has more than {_MOST_CHARACTERS} characters or {_MOST_VALUES} values"
+_HINT = "check the indentation, brackets and quotes"
 
 
 @dataclass(frozen=True, kw_only=True)
 class YamlFile:
     """A YAML map as plain data: str, int, float, bool, None, list, dict with str keys.
 
-    file: name used in messages. places: line of each value. own_problems: what is wrong with it.
+    file: name used in messages. places: line of each value. own_problems: mistakes in the YAML.
     """
 
     file: str
@@ -40,11 +37,11 @@ class YamlFile:
     own_problems: tuple[Problem, ...] = ()
 
     def problems(self) -> Problems:
-        """Return a collector with what is wrong so far, which knows the lines."""
+        """Return a collector that holds the problems so far and knows the lines."""
         return Problems(self.file, self.places, self.own_problems)
 
     def refuse(self, rows: Iterable[tuple[Keys, str]]) -> None:
-        """Raise SettingsError with what was found wrong at some keys, if it is anything."""
+        """Raise SettingsError for (keys, message) pairs, if there are any."""
         problems = self.problems()
         for keys, message in rows:
             problems.add(keys, message)
@@ -54,8 +51,8 @@ class YamlFile:
 def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
     """Read a YAML file.
 
-    expected: end of the sentence where it is no map. file: name for messages; default: the path's
-    last part. Raises SettingsError when it cannot be read or is no YAML map.
+    expected: end of the message about a file that is no map. file: name for messages; default: the
+    last part of the path. Raises SettingsError when it cannot be read or is no YAML map.
     """
     file = file or path.name
     try:
@@ -89,22 +86,8 @@ def parse_yaml(file: str, text: str) -> Any:
 
 
 def fatal(file: str, message: str, line: int = 0) -> SettingsError:
-    """Return the error of a file that is not worth reading on."""
+    """Return the error of a file that cannot be read any further."""
     return SettingsError([Problem(file=file, line=line, message=message)])
-
-
-@contextmanager
-def _translated(file: str) -> Iterator[None]:
-    """Raise SettingsError for the errors of ruamel."""
-    try:
-        yield
-    except MarkedYAMLError as exc:
-        line = 0 if exc.problem_mark is None else exc.problem_mark.line + 1
-        is_deep = isinstance(exc, MaxDepthExceededError)
-        why = f"more than {_DEEPEST} levels" if is_deep else f"{exc.problem}; {_HINT}"
-        raise fatal(file, f"not YAML: {why}", line) from exc
-    except YAMLError as exc:
-        raise fatal(file, f"not YAML: {str(exc).splitlines()[0]}") from exc
 
 
 class _Conversion:
@@ -115,19 +98,24 @@ class _Conversion:
         self.places: dict[Keys, Place] = {}
         self.problems: list[Problem] = []
         self._yaml = YAML(typ="safe", pure=True)
-        self._yaml.max_depth = _DEEPEST
 
     def run(self, text: str) -> Any:
         if len(text) > _MOST_CHARACTERS:
-            raise fatal(self.file, f"has more than {_MOST_CHARACTERS} characters")
-        with _translated(self.file):
+            raise fatal(self.file, _TOO_LARGE)
+        try:
             root = self._yaml.compose(text)
             return None if root is None else self._value(root, ())
+        except MarkedYAMLError as exc:
+            line = 0 if exc.problem_mark is None else exc.problem_mark.line + 1
+            raise fatal(self.file, f"not YAML: {exc.problem}; {_HINT}", line) from exc
+        except YAMLError as exc:
+            raise fatal(self.file, f"not YAML: {str(exc).splitlines()[0]}") from exc
+        except RecursionError as exc:
+            raise fatal(self.file, "is nested too deeply") from exc
 
     def _value(self, node: Node, keys: Keys) -> Any:
-        if len(self.places) > _MOST_VALUES or len(keys) > _DEEPEST:
-            text = f"has more than {_MOST_VALUES} values or {_DEEPEST} levels"
-            raise fatal(self.file, text, node.start_mark.line + 1)
+        if len(self.places) > _MOST_VALUES:
+            raise fatal(self.file, _TOO_LARGE)
         tag = str(node.tag).removeprefix(_STANDARD)
         if isinstance(node, MappingNode) and tag == "map":
             return self._map(node, keys)

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, cast
 
 import numpy as np
 
-from stepbus_controller.params import Params
+from stepbus_controller.params import GainParams, Params, PIDParams
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_participant import Config, PerName, make_plugin
 from stepbus_schemas import WiringError
@@ -103,12 +103,12 @@ class PD:
     gains: ClassVar[Mapping[str, str]] = {"kp": "N·m/rad", "kd": "N·m·s/rad"}
     """The parameters that may change while it works, with their units."""
 
-    def __init__(self, robot: Robot, params: Params) -> None:
+    def __init__(self, robot: Robot, params: GainParams) -> None:
         self._robot = robot
         self.integral: Vector = np.zeros(0)
         self.set_gains(params)
 
-    def set_gains(self, params: Params) -> None:
+    def set_gains(self, params: Any) -> None:
         """Take the gains of parameters; what the law has integrated stays."""
         self._kp = self._gain(params.kp)
         self._kd = self._gain(params.kd)
@@ -137,13 +137,13 @@ class PID(PD):
         "feed_forward": "N·m·s²/rad",
     }
 
-    def __init__(self, robot: Robot, params: Params) -> None:
+    def __init__(self, robot: Robot, params: PIDParams) -> None:
         super().__init__(robot, params)
         self.integral = np.zeros(len(robot.joints))
         anti_windup = params.anti_windup == "conditional_integration"
         self._integrate_within = robot.effort_limit if anti_windup else np.inf
 
-    def set_gains(self, params: Params) -> None:
+    def set_gains(self, params: Any) -> None:
         """See `PD`."""
         super().set_gains(params)
         self._ki = self._gain(params.ki)
@@ -170,7 +170,7 @@ class PDGravity(PD):
     Siciliano et al., Robotics, 2009, section 8.5.1.
     """
 
-    def __init__(self, robot: Robot, params: Params) -> None:
+    def __init__(self, robot: Robot, params: GainParams) -> None:
         super().__init__(robot, params)
         self._model = robot.require_model()
 
@@ -188,7 +188,7 @@ class ComputedTorque(PD):
 
     gains: ClassVar[Mapping[str, str]] = {"kp": "1/s²", "kd": "1/s"}
 
-    def __init__(self, robot: Robot, params: Params) -> None:
+    def __init__(self, robot: Robot, params: GainParams) -> None:
         super().__init__(robot, params)
         self._model = robot.require_model()
 
@@ -213,7 +213,7 @@ def make_law(config: Config, params: Params, robot: Robot) -> Law:
         law: Law = make_plugin(config, "law", params.law, params.own, "torque", robot)
         return law
     check_gains(config, params, robot)
-    return LAWS[params.law](robot, params)
+    return LAWS[params.law](robot, cast("GainParams", params))
 
 
 def check_gains(config: Config, params: Params, robot: Robot) -> None:

@@ -1,7 +1,7 @@
 """The parameters of a controller that commands torques."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Literal
 
 from stepbus_kinematics import SmoothingParams
 from stepbus_participant import (
@@ -14,11 +14,8 @@ from stepbus_participant import (
     PositivePerJoint,
     Vector3,
     each,
-    when,
 )
 from stepbus_participant.parameters import Keys
-
-Gain = Annotated[NonNegativePerJoint, when(law=("computed_torque", "pd", "pd_gravity", "pid"))]
 
 
 class Params(SmoothingParams):
@@ -39,28 +36,17 @@ class Params(SmoothingParams):
     """Gravity in the frame of the robot's base [m/s²]."""
     effort_limit: PositivePerJoint | None = None
     """Torque limits [N·m]. Default: those of the model."""
-    kp: Gain
-    """Proportional gain [N·m/rad]; for computed_torque [1/s²]."""
-    kd: Gain
-    """Derivative gain [N·m·s/rad]; for computed_torque [1/s]."""
-    ki: Annotated[NonNegativePerJoint, when(law="pid")]
-    """Integral gain [N·m/(rad·s)]."""
-    feed_forward: Annotated[NonNegativePerJoint, when(law="pid")] = each(0.0)
-    """Torque per acceleration of the reference [N·m·s²/rad]: the inertia that the joint moves."""
-    anti_windup: Annotated[Literal["conditional_integration", "none"], when(law="pid")] = (
-        "conditional_integration"
-    )
-    """Anti-windup, while a torque is at its limit. conditional_integration: the integral is
-    frozen (Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5)."""
     velocity: Literal["measured", "finite_difference", "filtered"] = "measured"
     """Source of the joint velocities."""
-    cutoff_hz: Annotated[Positive, when(velocity="filtered")]
-    """Cutoff frequency of the velocity filter [Hz]."""
+    cutoff_hz: Positive | None = None
+    """Cutoff frequency of the velocity filter [Hz]; with `velocity: filtered`, and only then."""
     own: Own = {}
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what is missing without a model."""
+        """Yield parameters that are missing without a model, or contradict each other."""
         yield from super().problems()
+        if (self.velocity == "filtered") != (self.cutoff_hz is not None):
+            yield ("cutoff_hz",), "is needed with velocity filtered, and only then"
         if self.model is not None:
             return
         if self.joints is None:
@@ -72,3 +58,28 @@ class Params(SmoothingParams):
             yield ("model",), "is missing; this law needs the robot's URDF"
         elif self.effort_limit is None:
             yield ("effort_limit",), "is missing; without a model it must be set"
+
+
+class GainParams(Params):
+    """Parameters of `stepbus_controller` with a law of this package."""
+
+    kp: NonNegativePerJoint
+    """Proportional gain [N·m/rad]; for computed_torque [1/s²]."""
+    kd: NonNegativePerJoint
+    """Derivative gain [N·m·s/rad]; for computed_torque [1/s]."""
+
+
+class PIDParams(GainParams):
+    """Parameters of `stepbus_controller` with the law `pid`."""
+
+    ki: NonNegativePerJoint
+    """Integral gain [N·m/(rad·s)]."""
+    feed_forward: NonNegativePerJoint = each(0.0)
+    """Torque per acceleration of the reference [N·m·s²/rad]: the inertia that the joint moves."""
+    anti_windup: Literal["conditional_integration", "none"] = "conditional_integration"
+    """Anti-windup, while a torque is at its limit. conditional_integration: the integral is
+    frozen (Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5)."""
+
+
+_PD = dict.fromkeys(("computed_torque", "pd", "pd_gravity"), GainParams)
+Params.kinds = ("law", {**_PD, "pid": PIDParams})

@@ -6,9 +6,7 @@ from stepbus_participant import imported_later
 
 from .smoothing_params import Smoothing as Smoothing
 from .smoothing_params import SmoothingParams as SmoothingParams
-from .smoothing_params import TimeConstant as TimeConstant
-from .smoothing_params import Window as Window
-from .smoothing_params import window_problems as window_problems
+from .smoothing_params import smoothing_problems as smoothing_problems
 
 if TYPE_CHECKING:
     from .joint_order import JointOrder as JointOrder

@@ -103,14 +103,13 @@ def delay_warning(smoother: Smoother | None) -> list[str]:
 
 
 def make_smoother(
-    smoothing: str, time_constant: float, window: int, period: float
+    smoothing: str, time_constant: float | None, window: int | None, period: float
 ) -> Smoother | None:
     """Return a filter as `SmoothingParams` describe it; None: no smoothing.
 
     period: between two measurements [s].
     """
-    if smoothing == "low_pass":
+    if time_constant is not None:
         return LowPass(time_constant, period)
-    degrees = {"moving_average": 0, "savitzky_golay": 2}
-    degree = degrees.get(smoothing)
-    return None if degree is None else SavitzkyGolay(window, period, degree)
+    degree = 2 if smoothing == "savitzky_golay" else 0
+    return None if window is None else SavitzkyGolay(window, period, degree)

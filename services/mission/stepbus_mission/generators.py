@@ -3,10 +3,16 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
 
 from stepbus_mission.csv_table import Table, read_table
-from stepbus_mission.params import Params, time_of
+from stepbus_mission.params import (
+    SineParams,
+    StepParams,
+    TableParams,
+    WaypointParams,
+    time_of,
+)
 from stepbus_mission.polynomials import (
     PiecewisePolynomial,
     Polynomial,
@@ -43,7 +49,7 @@ class Sine:
     """
 
     def __init__(
-        self, joints: Sequence[str], params: Params, shift: Sequence[float] | None = None
+        self, joints: Sequence[str], params: SineParams, shift: Sequence[float] | None = None
     ) -> None:
         self.shift = list(shift or [0.0] * len(joints))
         self._omega = params.omega.of(joints)
@@ -58,7 +64,7 @@ class Sine:
             )
         )
 
-    def changed(self, joints: Sequence[str], params: Params, t: float) -> "Sine":
+    def changed(self, joints: Sequence[str], params: SineParams, t: float) -> "Sine":
         """Return the sine of other parameters from a time on [s]; another omega keeps the angle."""
         rows = zip(self.shift, self._omega, params.omega.of(joints), strict=True)
         return Sine(joints, params, [shift + (before - now) * t for shift, before, now in rows])
@@ -78,7 +84,7 @@ class Sine:
 class StepChange:
     """Jumps from `initial` to `target` at `time`; its derivatives are zero."""
 
-    def __init__(self, joints: Sequence[str], params: Params) -> None:
+    def __init__(self, joints: Sequence[str], params: StepParams) -> None:
         self._time = params.time
         self._before = at_rest(params.initial.of(joints))
         self._after = at_rest(params.target.of(joints))
@@ -88,7 +94,7 @@ class StepChange:
         return self._before if t < self._time else self._after
 
 
-def waypoints(joints: Sequence[str], params: Params) -> PiecewisePolynomial:
+def waypoints(joints: Sequence[str], params: WaypointParams) -> PiecewisePolynomial:
     """Return a path from waypoint to waypoint with minimum jerk, coming to rest at each."""
     times: list[float] = []
     for row in params.waypoints:
@@ -104,7 +110,7 @@ def waypoints(joints: Sequence[str], params: Params) -> PiecewisePolynomial:
     return PiecewisePolynomial(times, polynomials, positions[0], positions[-1])
 
 
-def csv_trajectory(joints: Sequence[str], params: Params) -> PiecewisePolynomial:
+def csv_trajectory(joints: Sequence[str], params: TableParams) -> PiecewisePolynomial:
     """Return a path through the rows of a CSV file.
 
     A joint follows a polynomial between two rows, according to its columns: with position alone, a
@@ -135,7 +141,7 @@ def _segments(table: Table, joint: str) -> list[Polynomial]:
     return [cubic(start, end, h) for (start, end), h in zip(knots, steps, strict=True)]
 
 
-TASKS: Mapping[str, Callable[[Sequence[str], Params], Generator]] = {
+TASKS: Mapping[str, Callable[[Sequence[str], Any], Generator]] = {
     "csv": csv_trajectory,
     "sine": Sine,
     "step": StepChange,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from stepbus_mission.generators import STEERED, TASKS, Generator, Sine, duration_of
-from stepbus_mission.params import Params
+from stepbus_mission.params import Params, SineParams
 from stepbus_mission.polynomials import Knot, evaluate, quintic
 from stepbus_participant import (
     CallError,
@@ -189,7 +189,7 @@ class Mission(Participant):
         """Return the reference of a time [s]; calls take effect here."""
         if self._changed is not None:
             params, self._changed = self._changed, None
-            if isinstance(self.generator, Sine):
+            if isinstance(self.generator, Sine) and isinstance(params, SineParams):
                 self.generator = self.generator.changed(params.joints, params, t)
             else:
                 self.generator = make_generator(self.config, params)
@@ -232,7 +232,7 @@ class Mission(Participant):
         saved = msgspec.msgpack.decode(state, type=_Saved)
         params = self._steering.restore(saved.params)
         self.generator = make_generator(self.config, params)
-        if isinstance(self.generator, Sine):
+        if isinstance(params, SineParams):
             self.generator = Sine(params.joints, params, saved.shift)
         self._targets.state = saved.targets
         self._is_done = saved.is_done

@@ -1,7 +1,7 @@
 """The parameters of a mission that publishes references."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Literal
 
 from stepbus_participant import (
     File,
@@ -14,7 +14,6 @@ from stepbus_participant import (
     Positive,
     Settings,
     each,
-    when,
 )
 from stepbus_participant.parameters import Keys
 
@@ -42,35 +41,47 @@ class Params(Settings):
     URDF share a world. All other parameters name joints without it."""
     end_when_done: bool = False
     """Whether the run ends when the task is done."""
-    amplitude: Annotated[PerJoint, when(task="sine")] = each(1.0)
-    """Amplitude A in q(t) = q0 + A · sin(ω t + φ) [rad]."""
-    omega: Annotated[PerJoint, when(task="sine")] = each(1.0)
-    """ω [rad/s]."""
-    phase: Annotated[PerJoint, when(task="sine")] = each(0.0)
-    """φ [rad]."""
-    offset: Annotated[PerJoint, when(task="sine")] = each(0.0)
-    """q0 [rad]."""
-    target: Annotated[PerJoint, when(task="step")]
-    """Position from `time` on [rad]."""
-    initial: Annotated[PerJoint, when(task="step")] = each(0.0)
-    """Position before `time` [rad]."""
-    time: Annotated[Finite, when(task="step")] = 0.0
-    """Time at which the position changes [s]."""
-    waypoints: Annotated[tuple[Waypoint, ...], when(task="waypoints")]
-    """At least two: `{time: 2, position: [0.5, 0]}`, or `{duration: 2, position: …}` from the
-    second on. Minimum-jerk motions connect them; the joints stop at each."""
-    file: Annotated[File, when(task="csv")]
-    """Columns `t` [s], increasing, `<joint>` [rad] and optionally `<joint>_velocity` [rad/s]
-    and `<joint>_acceleration` [rad/s²]. Between two rows a polynomial interpolates all the
-    given values of a joint."""
     own: Own = {}
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what is wrong between the waypoints."""
+        """Yield that a run cannot end with its task."""
         if self.end_when_done and self.task in ("sine", "step"):
             yield ("end_when_done",), "is true, but this task never ends"
-        if self.task != "waypoints":
-            return
+
+
+class SineParams(Params):
+    """Parameters of `stepbus_mission` with `task: sine`."""
+
+    amplitude: PerJoint = each(1.0)
+    """Amplitude A in q(t) = q0 + A · sin(ω t + φ) [rad]."""
+    omega: PerJoint = each(1.0)
+    """ω [rad/s]."""
+    phase: PerJoint = each(0.0)
+    """φ [rad]."""
+    offset: PerJoint = each(0.0)
+    """q0 [rad]."""
+
+
+class StepParams(Params):
+    """Parameters of `stepbus_mission` with `task: step`."""
+
+    target: PerJoint
+    """Position from `time` on [rad]."""
+    initial: PerJoint = each(0.0)
+    """Position before `time` [rad]."""
+    time: Finite = 0.0
+    """Time at which the position changes [s]."""
+
+
+class WaypointParams(Params):
+    """Parameters of `stepbus_mission` with `task: waypoints`."""
+
+    waypoints: tuple[Waypoint, ...]
+    """At least two: `{time: 2, position: [0.5, 0]}`, or `{duration: 2, position: …}` from the
+    second on. Minimum-jerk motions connect them; the joints stop at each."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield mistakes in the waypoints: their number, positions and times."""
         if len(self.waypoints) < 2:
             yield ("waypoints",), f"has {len(self.waypoints)} waypoint; it needs at least two"
         now = 0.0
@@ -80,6 +91,19 @@ class Params(Settings):
             for where, text in _time_problems(row, now, number):
                 yield ("waypoints", number, *where), text
             now = time_of(row, now)
+
+
+class TableParams(Params):
+    """Parameters of `stepbus_mission` with `task: csv`."""
+
+    file: File
+    """Columns `t` [s], increasing, `<joint>` [rad] and optionally `<joint>_velocity` [rad/s]
+    and `<joint>_acceleration` [rad/s²]. Between two rows a polynomial interpolates all the
+    given values of a joint."""
+
+
+_TASKS = {"csv": TableParams, "sine": SineParams, "step": StepParams, "waypoints": WaypointParams}
+Params.kinds = ("task", _TASKS)
 
 
 def time_of(row: Waypoint, before: float) -> float:

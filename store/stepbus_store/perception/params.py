@@ -1,6 +1,7 @@
 """The parameters of perception."""
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Literal
 
 from stepbus_participant import (
     ModelFile,
@@ -10,8 +11,8 @@ from stepbus_participant import (
     Settings,
     Share,
     Text,
-    needed_when,
 )
+from stepbus_participant.parameters import Keys
 
 
 class Params(Settings):
@@ -25,23 +26,30 @@ class Params(Settings):
     share a world. All other parameters name joints and links without it."""
     frame: Text = "chassis"
     """Reference link of the detections, with z up."""
-    model: Annotated[ModelFile, needed_when(source="camera")]
-    """URDF or `.xacro` of the robot."""
-    joints: Annotated[Names, needed_when(source="camera")]
-    """Joints that move the camera, in any order; all others are at 0."""
-    camera: Annotated[Text, needed_when(source="camera")] = "camera"
+    model: ModelFile | None = None
+    """URDF or `.xacro` of the robot. Required with `source: camera`."""
+    joints: Names | None = None
+    """Joints that move the camera, in any order; all others are at 0. Required with
+    `source: camera`."""
+    camera: Text = "camera"
     """Link that is the optical frame: z forward, x right, y down."""
-    timeout: Annotated[Positive, needed_when(source="camera")] = 3.0
+    timeout: Positive = 3.0
     """Log a warning after this simulation time without images [s]."""
-    min_confidence: Annotated[Share, needed_when(source="camera")] = 0.2
+    min_confidence: Share = 0.2
     """Confidence below which detections are dropped."""
-    depth_noise: Annotated[NonNegative, needed_when(source="camera")] = 0.0
+    depth_noise: NonNegative = 0.0
     """Standard deviation of depth at 1 m [m]; grows with distance squared. Sets the strength of
     the depth and colour filter; 0: no filter."""
-    landmark: Annotated[str, needed_when(source="camera")] = ""
+    landmark: str = ""
     """Type of the landmarks in the detections: round marks whose link names begin with this text.
     Default: no landmarks."""
-    landmark_radius: Annotated[Positive, needed_when(source="camera")] = 0.015
+    landmark_radius: Positive = 0.015
     """Radius of each landmark [m]."""
-    period: Annotated[Positive, needed_when(source="truth")] = 0.1
-    """Period of the detections [s]."""
+    period: Positive = 0.1
+    """Period of the detections with `source: truth` [s]."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield the parameters that a camera lacks."""
+        for key, value in (("model", self.model), ("joints", self.joints)):
+            if self.source == "camera" and value is None:
+                yield (key,), "is missing; source camera needs it"

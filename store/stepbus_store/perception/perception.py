@@ -62,9 +62,9 @@ class Perception(Participant):
         params = self._params = config.read(Params, ports.problems)
         self._every = max(1, round(params.period * 1e9 / (config.step_ns * config.every)))
         self._mount: CameraMount | None = None
-        if params.source == "camera":
+        if params.source == "camera" and params.model is not None:
             problems = config.problems().below(("params",))
-            files = (params.model, params.joints, params.camera, params.frame)
+            files = (params.model, params.joints or (), params.camera, params.frame)
             self._mount = problems.attempt(("model",), lambda: CameraMount(*files))
             problems.refuse()
         self._last_image_t = 0.0

@@ -40,18 +40,10 @@ def test_an_error_survives_a_way_between_processes(tmp_path):
     assert again.problems == caught.value.problems
 
 
-def test_no_more_problems_are_shown_than_anybody_reads(tmp_path):
-    faults = ", ".join(f"kil plant at {step}" for step in range(20_000))
-    with pytest.raises(ScenarioError) as caught:
-        load_text(tmp_path, f"{TWO_LINK}faults: [{faults}]\n")
-    assert str(caught.value).count("\n") == 100
-    assert str(caught.value).endswith("\nand 19900 more; fix these first")
-
-
 MISTAKES = [
     ("name: arm\n", "", ": the key 'name' is missing"),
     ("name: arm", "name: my arm", ":1: name: … 1 to 64 letters"),
-    ("name: arm", "name: 5", ":1: name: … 1 to 64 letters … not 5 … quotes"),
+    ("name: arm", "name: 5", ":1: name: … 1 to 64 letters … not 5"),
     ("10s", "10.001s", ":3: duration: … 2000.2 steps of 5ms … 10s or 10005ms"),
     ("10s", "1ms", ":3: duration: … 0.2 steps of 5ms … nearest is 5ms"),
     ("10s", "10s\nwindow: 0", ":4: window: … at least 1, not 0"),
@@ -60,13 +52,7 @@ MISTAKES = [
     ("10s", "10s\nbus: tcp", ":4: bus: … map, not 'tcp'"),
     ("10s", "10s\nbus: {transport: udp}", ":4: bus.transport: … unix or tcp, not 'udp'"),
     ("10s", "10s\nbus: {port: 7447}", ":4: bus.port: … only for transport tcp"),
-    ("10s", "10s\nbus: {transport: tcp, port: 65533}", ":4: bus.port: … 65532, not 65533"),
     ("10s", "10s\ncheckpoint: 3ms", ":4: checkpoint: … 0.6 steps of 5ms … nearest is 5ms"),
-    (
-        "10s",
-        "10s\nbus: {transport: tcp, low_latency: true}",
-        ":4: bus.low_latency: … only for transport unix",
-    ),
     ("every: 4", "on_late: fail", ":17: participants.mission.on_late: … only with real_time true"),
     ("10s", "10s\nreal_time: true", ":4: real_time: … participants.NAME.real_time"),
     ("10s", "10s\nexternal: true", ":4: external: … `start: external`"),
@@ -75,30 +61,19 @@ MISTAKES = [
     ("every: 4", "window: 3", ":17: participants.mission.window: … at the top level"),
     ("every: 4", "delay: 3", ":17: participants.mission.delay: … belongs to `inputs`"),
     ("every: 4", "hold: 3s", ":17: participants.mission.hold: … belongs to `on_fault`"),
-    (
-        "every: 4",
-        "every: 4ms",
-        ":17: participants.mission.every: … not '4ms' … without quotes and unit",
-    ),
-    (
-        "every: 4",
-        "every: '4'",
-        ":17: participants.mission.every: … only the number, without quotes",
-    ),
+    ("every: 4", "every: 4ms", ":17: participants.mission.every: … at least 1, not '4ms'"),
     ("10s", "10s\nbus: {low_latency: 1}", ":4: bus.low_latency: … true or false, not 1"),
     ("10s", "10s\nstep: 1s", ":4: step: … duplicate key, first in line 2"),
     ("10s", "10s\n<<: {seed: 3}", ":4: '<<' … YAML 1.2"),
     ("kp: 100", "5: 1", ":14: participants.controller.params: … text, not 5"),
     ("kp: 100", "kp: !gain 5", ":14: participants.controller.params.kp: … tag !gain"),
     ("kp: 100", "kp: 99999999999999999999", ":14: participants.controller.params.kp: … 64 bits"),
-    ("kp: 100", "kp: &x [*x]", ":14: … more than … 100 levels"),
     (
         "kp: 100",
         'kp: "\\ud800"',
         ":14: participants.controller.params.kp: … '\\ud800' is not a valid str",
     ),
     ("every: 4", "every: 0.5", ":17: participants.mission.every: … integer of at least 1, not 0.5"),
-    ("every: 4", "every: 99999999999999", ":17: participants.mission.every: … 1844674407370, not"),
     ("every: 4", "step_timeout: 0s", ":17: participants.mission.step_timeout: … longer than 0"),
     ("every: 4", "params: [1]", ":17: participants.mission.params: … map, not a list"),
     ("delay: 1", "delay: -1", ":18: participants.mission.inputs.joint_state.delay: … 0, not -1"),

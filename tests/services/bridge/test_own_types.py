@@ -80,7 +80,7 @@ def test_a_json_program_gets_the_declarations_and_messages_of_its_types(started)
 
 def test_a_json_program_that_declares_another_type_is_refused(started):
     declared = {"types": {"Thruster/1": {"thrust": {"type": "float[n]", "unit": "kN"}}}}
-    with pytest.raises(WiringError, match=r"thrust is float\[n\] \[kN\]"):
+    with pytest.raises(WiringError, match=r"thrust is of type float\[n\], unit \"kN\""):
         started(MapBridge, "json", JSON.format(ready=json.dumps(declared)), Description())
 
 

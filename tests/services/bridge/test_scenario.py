@@ -43,7 +43,10 @@ def test_the_resolved_scenario_says_it_too(tmp_path, value):
         ("{format: json, describe: {command: 3}}", "bridge.describe.command: must be a map, not 3"),
         ("{describe: {}}", "bridge: the key 'format' is missing"),
         ("{format: json, describe: {komand: {}}}", "no output 'komand'; did you mean 'command'?"),
-        ("{format: json, describe: {command: {name: [a]}}}", "unknown key 'name'"),
+        (
+            "{format: json, describe: {command: {name: [a]}}}",
+            "Description has no field 'name'; did you mean 'names'?",
+        ),
         ("{format: json, describe: {command: {names: a}}}", "names must be a list, not text"),
         ("raw", "format raw carries only types made of numbers, not status"),
     ],

@@ -158,8 +158,8 @@ def test_mistakes_beside_a_missing_model_are_listed_too() -> None:
         ({**PD, "law": "no_such_module:Law"}, "module 'no_such_module'"),
         ({**PD, "law": "pathlib:Law"}, "has no class 'Law'"),
         ({**PD, "law": "pathlib:Path"}, "class pathlib:Path needs a method 'torque'"),
-        ({**PD, "velocity": "filtered"}, "the key 'cutoff_hz' is missing"),
-        ({**PD, "cutoff_hz": 50}, "cutoff_hz: applies only with velocity filtered"),
+        ({**PD, "velocity": "filtered"}, "cutoff_hz: is needed with velocity filtered"),
+        ({**PD, "cutoff_hz": 50}, "cutoff_hz: is needed with velocity filtered, and only then"),
         ({**PD, "ki": 1}, "ki: applies only with law pid"),
     ],
 )

@@ -29,7 +29,7 @@ def test_noise_is_at_least_halved_and_the_first_sample_passes(make):
 
 
 def test_a_moving_average_is_the_mean_of_its_window():
-    smoother = make_smoother("moving_average", 0.0, 7, PERIOD)
+    smoother = make_smoother("moving_average", None, 7, PERIOD)
     rows = np.random.default_rng(0).standard_normal((20, 2))
     out = [smoother.update(row) for row in rows]
     assert out[-1] == pytest.approx(rows[-7:].mean(axis=0))
@@ -75,7 +75,7 @@ def test_the_error_of_the_status_counts_from_the_measured_position_not_the_smoot
             {"smoothing": "lowpass"},
             "smoothing: must be none, low_pass, moving_average or savitzky_golay, not 'lowpass'; did you mean 'low_pass'",
         ),
-        ({"smoothing": "low_pass"}, "the key 'time_constant' is missing"),
+        ({"smoothing": "low_pass"}, "time_constant: is needed with smoothing low_pass"),
         (
             {"smoothing": "low_pass", "time_constant": 0},
             "time_constant: must be a number above 0, not 0",

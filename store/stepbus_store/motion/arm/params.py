@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from stepbus_kinematics import Smoothing, TimeConstant, Window, window_problems
-from stepbus_participant import File, NonNegative, PositivePerJoint, each
+from stepbus_kinematics import Smoothing, smoothing_problems
+from stepbus_participant import Count, File, NonNegative, Positive, PositivePerJoint, each
 from stepbus_participant.parameters import Keys
 from stepbus_store.motion.joint_params import JointParams
 
@@ -28,12 +28,12 @@ class Params(JointParams):
     """How to treat poses that the motors cannot hold."""
     smoothing: Smoothing = "none"
     """Filter of the measurements. The status reports its delay."""
-    time_constant: TimeConstant
-    """Time constant τ of the low-pass filter [s]."""
-    window: Window
-    """Window: an odd number of samples, at least 3 for the moving average and 5 for the
-    Savitzky-Golay filter."""
+    time_constant: Positive | None = None
+    """Time constant τ of the low-pass filter [s]; with `smoothing: low_pass`, and only then."""
+    window: Count | None = None
+    """Window of the moving average and of the Savitzky-Golay filter, and only of these: an odd
+    number of samples, at least 3 or 5."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what is wrong with the window."""
-        yield from window_problems(self.smoothing, self.window)
+        """Yield contradictions between the filter and its parameters."""
+        yield from smoothing_problems(self.smoothing, self.time_constant, self.window)

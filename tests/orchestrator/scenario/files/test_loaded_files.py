@@ -81,10 +81,10 @@ def test_many_files_are_too_many(perl):
 
 
 def test_declared_files_and_folders_are_recorded(tmp_path):
-    for name in ("build/a.so", "build/deep/b.so", "one.dat", "two.dat", "notes.txt"):
+    for name in ("build/a.so", "build/deep/b.so", "one.log", "two.log", "notes.md"):
         program(tmp_path, name)
-    assert names(tmp_path, "[sh, -c, pass]", "files: [build/, '*.dat']") == [
-        "build/a.so", "build/deep/b.so", "one.dat", "two.dat",
+    assert names(tmp_path, "[sh, -c, pass]", "files: [build/, '*.log']") == [
+        "build/a.so", "build/deep/b.so", "one.log", "two.log",
     ]  # fmt: skip
 
 

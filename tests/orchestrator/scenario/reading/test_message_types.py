@@ -133,7 +133,7 @@ def test_a_source_that_has_no_types_has_its_sentence(tmp_path, types, sentence):
 
 def test_an_unknown_type_names_its_other_versions(tmp_path):
     (found,) = problems(tmp_path, "types.yaml", output="Thruster/2")
-    assert found.endswith("type 'Thruster/2'; known: Thruster/1")
+    assert found.endswith("type 'Thruster/2'; did you mean 'Thruster/1'?")
 
 
 def test_a_safe_message_is_checked_against_its_type(tmp_path):
