@@ -13,7 +13,6 @@ from types import FrameType
 
 from stepbus_orchestrator.processes import PYTHON
 
-from .overview import answer
 from .signals import SIGNALS, interrupt, on_signals
 
 _IN_PROCESS = "--in-process"
@@ -41,8 +40,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None) -> int:
-    answer(arguments)
-    from .commands import execute  # noqa: PLC0415  (loads everything)
+    ends = (arguments.index(word) for word in ("--", "--exec") if word in arguments)
+    own = arguments[: min(ends, default=None)]
+    if not own or own[0].startswith(("-", "__")) or {"-h", "--help"} & {*own}:
+        from .app import answer  # noqa: PLC0415  (see the top)
+
+        answer(arguments)
+    from .execute import execute  # noqa: PLC0415  (loads everything)
 
     return execute(arguments, loaded)
 
