@@ -8,7 +8,6 @@ import inspect
 import re
 import sys
 from collections.abc import Iterator, Sequence
-from functools import cache
 from importlib import import_module
 from typing import NoReturn
 
@@ -83,7 +82,6 @@ def command_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*OWN, *named_points(COMMANDS))))
 
 
-@cache
 def load_command(name: str, *, is_complete: bool = True) -> type[Command]:
     """Load a command by name; raises CommandBroken for one of another package that cannot be.
 

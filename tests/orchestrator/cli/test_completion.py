@@ -2,10 +2,18 @@
 
 import os
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from support.runs.terminal import STEPBUS
 from support.tools import needs
+
+
+@pytest.fixture(autouse=True)
+def path(monkeypatch):
+    """The script asks the `stepbus` on the path."""
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +49,10 @@ CASES = [
     ("run two_link --transport ", ["tcp", "unix"]),
     ("completion z", ["zsh"]),
 ]
-RECORDINGS = ("info a", ["alone.mcap", "arm"])
+FILES = ("info a", ["a.txt", "alone.mcap", "arm"])
 
 
-@pytest.mark.parametrize(("typed", "offered"), [*CASES, RECORDINGS])
+@pytest.mark.parametrize(("typed", "offered"), [*CASES, FILES])
 def test_bash_completes(script, folder, typed, offered):
     needs("bash")
     lines = [

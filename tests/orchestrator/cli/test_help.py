@@ -59,7 +59,6 @@ def test_80_columns_are_enough_for_every_help_and_no_word_is_cut(capsys, monkeyp
     "words",
     [
         ["run", "two_lonk"],
-        ["help", "nothing-like-it"],
         ["run", "two_link", "--transport", "carrier-pigeon"],
         ["validate", "two_link", "--set", "controller.params.gain=3"],
         ["validate", "two_link", "--steps", "20"],
