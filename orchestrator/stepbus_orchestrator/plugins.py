@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 COMMANDS = "stepbus.commands"
-"""name → a `Command` of the command line."""
+"""name → a `Command` of the command line, a class."""
 VIEWS = "stepbus.views"
 """What shows a recording or a result where the core is asked to: in a notebook, of variants."""
 AFTER_RUN = "stepbus.after_run"
@@ -23,6 +23,10 @@ RERUNS = "stepbus.reruns"
 """The file that marks a folder → `(folder, number) -> run`: a `Recorded` with a method `run`."""
 
 _FILE = "entry_points.txt"
+
+
+class CommandBroken(Exception):
+    """A command of another package cannot be loaded."""
 
 
 class Plot(Protocol):

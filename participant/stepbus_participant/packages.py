@@ -14,6 +14,7 @@ from stepbus_schemas import WiringError
 
 EXTRAS = {
     "run": (
+        "cyclopts",
         "greenlet",
         "isal",
         "mcap",
@@ -21,7 +22,6 @@ EXTRAS = {
         "numpy",
         "rich",
         "ruamel",
-        "shtab",
         "trustme",
         "zstandard",
     ),

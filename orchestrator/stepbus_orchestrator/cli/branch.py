@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.analysis.divergence import port_lines
-from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command
-from stepbus_orchestrator.cli.rerun import OUT, new_folder
-from stepbus_orchestrator.cli.run import Names, after_run
+from stepbus_orchestrator.cli import commands
+from stepbus_orchestrator.cli.rerun import new_folder
+from stepbus_orchestrator.cli.run import after_run
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error, say
@@ -16,7 +16,7 @@ from stepbus_orchestrator.cli.trust import check_trust
 from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.replay.branch import Branch, BranchPlan, branch
+from stepbus_orchestrator.replay.branch import Branch, BranchPlan
 from stepbus_orchestrator.replay.branch_change import Variant, variants
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import WiringError
@@ -24,72 +24,37 @@ from stepbus_schemas import WiringError
 _PICTURE = "variants.png"
 
 
-@command(
-    group="test",
-    of=branch,
-    is_run=True,
-    recording=RECORDING,
-    out=OUT,
-    at={"metavar": "STEP"},
-    calls={"flag": "--call", "metavar": "CALL"},
-    faults={"flag": "--fault", "metavar": "FAULT"},
-    checkpoints={
-        "flag": "--no-checkpoints",
-        "help": "replay from step 0, without the saved checkpoints",
-    },
-)
-def branch_command(
-    *,
-    vary: Annotated[Sequence[str], {"metavar": "PATH=VALUE,VALUE"}] = (),
-    plot: Annotated[Sequence[str], {"metavar": "SIGNAL"}] = (),
-    debug: Names = (),
-    no_report: bool = False,
-    json: Json = False,
-    trust: Trust = False,
-    **given: Any,
-) -> Answer:
-    """Replay a recording up to a step, then run live with your changes.
-
-    Replays a recording up to a step, then continues as a live run with your changes. Until that
-    step, every participant gets its recorded inputs as fast as it can process them and must publish
-    the recorded outputs; the first one that diverges is reported (exit code 10). Without a change,
-    the new recording is byte-identical to the old one. A changed participant also gets its recorded
-    inputs; its own outputs are used from that step on. A recording contains programs: those
-    that are not in your scenario's folder start only with --trust.
-
-    vary: make one branch per value, and one picture of all branches; may be repeated. plot: signal
-    in that picture, as in `stepbus plot`; default: the joint errors. debug: run a participant in
-    this terminal without deadlines, for a debugger. no_report: do not write report.html and
-    report.png.
-
-    $ stepbus branch run.mcap --at 1200
-    $ stepbus branch run.mcap --at 6s --set controller.params.kp=90
-    $ stepbus branch run.mcap --at 1200 --vary controller.params.kp=50,100,200
-    $ stepbus branch run.mcap --at 1200 --fault 'freeze plant at 1300 for 200ms'
-    $ stepbus branch run.mcap --at 1200 --debug controller
-    """
-    recording, overrides, in_process = given["recording"], given.pop("set"), given.pop("in_process")
-    out = given.pop("out") or new_folder(recording, f"at-{given['at']}")
-    check_trust(Recording(recording), trust=trust)
-    is_changed = bool(overrides or vary or given["calls"] or given["faults"])
+def branch_command(given: commands.Branch) -> Answer:
+    """Make one branch, or one for each variant, and return what became of them."""
+    recording, vary = given.recording, given.vary
+    out = given.out or new_folder(recording, f"at-{given.at}")
+    check_trust(Recording(recording), trust=given.trust)
+    is_changed = bool(given.set or vary or given.calls or given.faults)
     if vary and out.exists() and any(out.iterdir()):
         raise OutputExists(f"{out} is not empty; choose another --out")
-    if vary and debug:
+    if vary and given.debug:
         raise WiringError("--debug cannot be combined with --vary; choose one value with --set")
     branches: list[tuple[Variant, Branch]] = []
     for variant in variants(vary):
-        given["overrides"] = [*overrides, *variant.overrides]
-        plan = BranchPlan(**given, out=out / variant.folder)
-        done = _run(plan, variant, debug, json=json, in_process=in_process)
+        plan = BranchPlan(
+            recording,
+            given.at,
+            out / variant.folder,
+            [*given.set, *variant.overrides],
+            calls=given.calls,
+            faults=given.faults,
+            checkpoints=not given.no_checkpoints,
+        )
+        done = _run(plan, variant, given)
         branches.append((variant, done))
-        if vary and not json:
+        if vary and not given.json:
             _say_variant(variant, done)
         if done.result.exit_code == ExitCode.INTERRUPTED:
             break
     if not vary:
-        return _answer(done, is_changed=is_changed, has_plots=not no_report)
-    picture = None if no_report else _picture(recording, out, branches, plot)
-    rows = branches if json else ()
+        return _answer(done, is_changed=is_changed, has_plots=not given.no_report)
+    picture = None if given.no_report else _picture(recording, out, branches, given.plot)
+    rows = branches if given.json else ()
     return Answer(
         value={
             "variants": [{"variant": v.name, **_fields(b, _difference(b))} for v, b in rows],
@@ -100,24 +65,22 @@ def branch_command(
     )
 
 
-def _run(
-    plan: BranchPlan, variant: Variant, debug: Sequence[str], *, json: bool, in_process: bool
-) -> Branch:
-    if not json:
+def _run(plan: BranchPlan, variant: Variant, given: commands.Branch) -> Branch:
+    if not given.json:
         for note in plan.notes:
             say(f"note: {note}")
     which = variant.name and f", {variant.name}"
     title = f"{plan.scenario.name} from step {plan.at}{which}"
     with (
-        displayed(title, quiet=json, plain=bool(debug)) as display,
+        displayed(title, quiet=given.json, plain=bool(given.debug)) as display,
         interruptible() as interrupt,
     ):
         return plan.run(
             display,
             interrupt,
-            debug=debug,
-            in_process=in_process,
-            owns_descriptors=in_process and not debug,
+            debug=given.debug,
+            in_process=given.in_process,
+            owns_descriptors=given.in_process and not given.debug,
         )
 
 

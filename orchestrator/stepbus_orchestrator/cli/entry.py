@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 
 from stepbus_orchestrator.processes import PYTHON
 
-from .overview import answer
 from .signals import INTERRUPTED, REPORT_THREAD, SENTENCE, SIGNALS, interrupt, leave, on_signals
 
 _IN_PROCESS = "--in-process"
@@ -54,9 +53,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None) -> int:
-    answer(arguments)
+    ends = (arguments.index(word) for word in ("--", "--exec") if word in arguments)
+    own = arguments[: min(ends, default=None)]
     try:
-        from .commands import execute  # noqa: PLC0415  (loads everything)
+        if not own or own[0].startswith(("-", "__")) or {"-h", "--help"} & {*own}:
+            from .app import answer  # noqa: PLC0415  (see the top)
+
+            answer(arguments)
+        from .execute import execute  # noqa: PLC0415  (loads everything)
 
         return execute(arguments, loaded)
     except (ImportError, MemoryError) as exc:
@@ -81,7 +85,10 @@ def _run_command() -> int:
             code = _execute(sys.argv[1:], _begin)
         except SystemExit as exc:
             code = exc.code if isinstance(exc.code, int) else 0
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, RuntimeError) as exc:
+            # In a class that is being made, Python 3.11 wraps it.
+            if not isinstance(exc.__cause__ or exc, KeyboardInterrupt):
+                raise
             code = INTERRUPTED
             sys.stderr.write(SENTENCE)
         finally:

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.cli.parameters import RecordingPath, command
+from stepbus_orchestrator.cli import commands
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import recorded_end
@@ -71,18 +71,9 @@ class Info(msgspec.Struct, frozen=True, kw_only=True):
         return None if self.step_ns is None else self.steps * self.step_ns * 1e-9
 
 
-@command(group="look")
-def info_command(recording: RecordingPath) -> Answer:
-    """Summarize a recording.
-
-    Shows the scenario, the outcome, the length, the participants, the messages and the versions.
-    Needs only the recording; result.json next to it adds outcome and wall time. For a truncated
-    recording, shows where it ends.
-
-    $ stepbus info runs/arm
-    $ stepbus info run.mcap --json
-    """
-    with Recording(recording) as opened:
+def info_command(given: commands.Info) -> Answer:
+    """Return what is in a recording."""
+    with Recording(given.recording) as opened:
         found = _info(opened)
     return Answer(value={**msgspec.structs.asdict(found), "duration_s": found.duration_s},
                   lines=[line.replace("\n", " ") for line in _lines(found)])  # fmt: skip

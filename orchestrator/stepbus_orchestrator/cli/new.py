@@ -9,11 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
 
-from stepbus_orchestrator.cli.parameters import command
+from stepbus_orchestrator.cli.commands import New
 from stepbus_orchestrator.cli.terminal.output import say
-from stepbus_participant import suggest
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
@@ -67,14 +65,8 @@ STARTERS: Mapping[str, Starter] = {
 def write_starter(folder: Path, language: str) -> list[Path]:
     """Write a starter into a new or empty folder and return its files, relative to the folder.
 
-    Raises WiringError when there is no such starter, the folder holds something or cannot be
-    written.
+    Raises WiringError when the folder is not empty or cannot be written.
     """
-    if language not in STARTERS:
-        raise WiringError(
-            f"no starter in {language!r}{suggest(language, STARTERS)}; the bridge "
-            "connects programs in any language: docs/guide/writing/bridge.md"
-        )
     contents = dict(_contents(STARTERS[language], _scenario_name(folder)))
     try:
         if folder.exists() and any(folder.iterdir()):
@@ -128,25 +120,11 @@ def _scenario_name(folder: Path) -> str:
     return name if parse_yaml("name", name) == name else f'"{name}"'
 
 
-_LANGUAGE = {"metavar": "LANGUAGE", "help": f"language of the controller: {', '.join(STARTERS)}"}
-
-
-@command(group="run")
-def new_command(folder: Path, *, language: Annotated[str, _LANGUAGE] = "python") -> int:
-    """Create a scenario with your own controller.
-
-    Creates a folder with a scenario that uses the built-in plant and mission, a robot model, and a
-    small PD controller for you to modify, in the language of your choice. It runs without changes
-    once you have installed what its README lists.
-
-    folder: folder to create; may exist if it is empty.
-
-    $ stepbus new my_scenario
-    $ stepbus new --language octave my_scenario
-    """
-    files = write_starter(folder, language)
-    say(f"{folder}: {', '.join(map(str, files))}")
-    name = shlex.quote(str(folder))
-    build = STARTERS[language].build.format(folder=name)
+def new_command(given: New) -> int:
+    """Write a starter, and print how to run it."""
+    files = write_starter(given.folder, given.language)
+    say(f"{given.folder}: {', '.join(map(str, files))}")
+    name = shlex.quote(str(given.folder))
+    build = STARTERS[given.language].build.format(folder=name)
     say(f"next: {build} && stepbus run {name}" if build else f"next: stepbus run {name}")
     return 0

@@ -2,30 +2,16 @@
 
 from collections.abc import Iterator
 
-from stepbus_orchestrator.cli.parameters import File, RecordingPath, command
+from stepbus_orchestrator.cli.commands import Recover
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.recording import Recovery, layout, recover
 
 
-@command(group="look", exclusive=["out", "in_place"])
-def recover_command(
-    recording: RecordingPath, *, out: File = None, in_place: bool = False
-) -> Answer:
-    """Recover a truncated or corrupt recording.
-
-    Reads an MCAP file up to its first damaged record and writes the intact part to a new file, with
-    attachments, metadata and a new index. Reports what was lost.
-
-    recording: the MCAP file to read, or the folder of a run. out: the file to write (default:
-    <recording>.recovered.mcap). in_place: replace the original file.
-
-    $ stepbus recover runs/two_link-20250101-120000/run.mcap
-    $ stepbus recover broken.mcap --out fixed.mcap
-    $ stepbus recover broken.mcap --in-place
-    """
-    source = layout.recording_file(recording)
-    target = out or source.with_name(f"{source.stem}.recovered.mcap")
-    recovery = recover(source, source if in_place else target, in_place=in_place)
+def recover_command(given: Recover) -> Answer:
+    """Rebuild the recording, and return what was lost."""
+    source = layout.recording_file(given.recording)
+    target = given.out or source.with_name(f"{source.stem}.recovered.mcap")
+    recovery = recover(source, source if given.in_place else target, in_place=given.in_place)
     value = {**vars(recovery), "missing_steps": recovery.missing_steps}
     return Answer(value=value, lines=_lines(recovery))
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from stepbus_orchestrator.analysis.diff import Diff
-from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command, number
+from stepbus_orchestrator.cli import commands
 from stepbus_orchestrator.cli.run import after_run
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
@@ -15,66 +15,34 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.plugins import RERUNS, points
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
-from stepbus_orchestrator.replay.rerun import Preparation, Rerun, rerun
+from stepbus_orchestrator.replay.rerun import Preparation, Rerun
 from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import WiringError
 
-OUT = {
-    "flag": "--out",
-    "required": False,
-    "metavar": "FOLDER",
-    "help": "folder of the new run (default: in runs/)",
-}
 
-
-@command(
-    group="test",
-    of=rerun,
-    is_run=True,
-    recording={"help": "a run.mcap, the folder of its run, or the folder of a sweep", **RECORDING},
-    out=OUT,
-)
-def rerun_command(
-    row: Annotated[int | None, {"type": number("not a run number (0 or higher)", 0)}] = None,
-    *,
-    trust: Trust = False,
-    json: Json = False,
-    **given: Any,
-) -> Answer:
-    """Repeat a run from its recording alone.
-
-    Extracts the scenario and its files from a recording into <out>/source, runs it, and compares
-    the new recording with the old one, byte for byte. Lists what differs on this machine, such as
-    versions. Exit code 0: all messages are equal, 10: at least one differs. A recording contains
-    programs: those that are not in your scenario's folder start only with --trust.
-
-    row: number of a run in a sweep.
-
-    $ stepbus rerun runs/two_link-20250101-120000/run.mcap
-    $ stepbus rerun run.mcap --set window=1 --out /tmp/again
-    $ stepbus rerun sweeps/two_link 17
-    """
-    recording, out, overrides = given["recording"], given["out"], given["set"]
+def rerun_command(given: commands.Rerun) -> Answer:
+    """Repeat a run, or one of a sweep, and return whether it is the same."""
+    recording, row, out = given.recording, given.row, given.out
     if run_of := _run_of(recording):
-        if row is None or overrides:
+        if row is None or given.set:
             raise WiringError(
                 f"{recording} is a sweep: give the number of one of its runs, without --set"
             )
         recorded = run_of(recording, row)
-        check_trust(recorded, trust=trust)
+        check_trust(recorded, trust=given.trust)
         out = out or new_folder(recording / f"{recording.resolve().name}-{row}", "rerun")
-        with displayed(f"run {row}", quiet=json) as display, interruptible() as interrupt:
+        with displayed(f"run {row}", quiet=given.json) as display, interruptible() as interrupt:
             return _answer_of_row(recorded.run(out, display, interrupt))
     if row is not None:
         raise WiringError(f"{recording} is not a sweep, so it has no run {row}")
-    check_trust(Recording(recording), trust=trust)
+    check_trust(Recording(recording), trust=given.trust)
     out = out or new_folder(recording, "rerun")
-    preparation = Preparation(recording, out, overrides)
-    if not json:
+    preparation = Preparation(recording, out, given.set)
+    if not given.json:
         for note in preparation.notes:
             say(f"note: {note}")
     title = preparation.scenario.name
-    with displayed(title, quiet=json) as display, interruptible() as interrupt:
+    with displayed(title, quiet=given.json) as display, interruptible() as interrupt:
         done = preparation.run(display, interrupt)
     return _answer(done, done.notes[len(preparation.notes) :])
 

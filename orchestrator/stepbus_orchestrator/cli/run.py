@@ -3,22 +3,11 @@
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from stepbus_orchestrator.cli.parameters import (
-    DURATION,
-    Folder,
-    FoxglovePort,
-    Json,
-    ScenarioName,
-    Set,
-    command,
-    number,
-    step_or_time,
-)
+from stepbus_orchestrator.cli.commands import Run
 from stepbus_orchestrator.cli.signals import REPORT_THREAD, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
@@ -39,7 +28,7 @@ from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.program import check_installed
-from stepbus_participant import format_duration, whole_steps
+from stepbus_participant import whole_steps
 from stepbus_schemas import StepbusError, WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.
@@ -47,131 +36,15 @@ _MOST_WARNINGS = 10
 _POLL_S = 0.1
 _NO_REPORT = "no plots  the report was interrupted; the recording and result.json are complete"
 
-Names = Annotated[Sequence[str], {"metavar": "PARTICIPANT"}]
 
-
-@dataclass(frozen=True, kw_only=True)
-class Changes:
-    """What the command line changes of a scenario.
-
-    window: maximum steps in flight; 1: synchronous. transport: transport between the processes.
-    fault: inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or 'random 3
-    seed 1'; may be repeated (docs/faults.md). debug: run a participant in this terminal without
-    deadlines, for a debugger. external: wait for a participant that you start yourself, with
-    `stepbus join TICKET`; default: a ticket in the folder of the run; may be repeated
-    (docs/guide/running/attach.md). join_timeout: how long to wait for external participants
-    (default: the participant's spawn_timeout if set, else 2min). no_deadline: disable the deadlines
-    of a participant, e.g. one that you start in a debugger.
-    """
-
-    set: Set = ()
-    window: Annotated[int | None, {"type": number("not a number of steps (1 or more)", 1)}] = None
-    transport: Literal["unix", "tcp"] | None = None
-    fault: Annotated[Sequence[str], {"metavar": "FAULT"}] = ()
-    debug: Names = ()
-    external: Annotated[Sequence[str], {"metavar": "PARTICIPANT[=TICKET]"}] = ()
-    join_timeout: Annotated[float | None, DURATION] = None
-    no_deadline: Names = ()
-
-    def load(self, name: str) -> Scenario:
-        """Return the scenario with all of them."""
-        overrides = [*self.set]
-        if self.window is not None:
-            overrides += [f"window={self.window}", f"batch={max(1, self.window // 2)}"]
-        if self.transport is not None:
-            overrides.append(f"bus.transport={self.transport}")
-        overrides += [f"{text.partition('=')[0]}.start=external" for text in self.external]
-        scenario = load(name, overrides, self.fault)
-        if self.join_timeout is not None:
-            names = external_names(scenario)
-            if not names:
-                raise WiringError("--join-timeout is for participants with `start: external`")
-            wait = format_duration(round(self.join_timeout * 1e9))
-            overrides += [f"{name}.spawn_timeout={wait}" for name in names]
-            scenario = load(name, overrides, self.fault)
-        return without_deadlines(scenario, [*self.debug, *self.no_deadline])
-
-    def extensions(self) -> list[RunExtension]:
-        """Return the extensions that they need."""
-        rows = (text.partition("=") for text in self.external)
-        tickets = {name: Path(path) for name, _, path in rows if path}
-        return [External(tickets), Debug(self.debug, self.no_deadline)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Views:
-    """What shows the run while it goes on.
-
-    view: show the live run in 3D in the browser (docs/guide/looking/viewing.md). no_open: with
-    --view, do not open a browser.
-    """
-
-    view: bool = False
-    no_open: bool = False
-    foxglove: FoxglovePort = None
-
-    def options(self) -> list[list[str]]:
-        """Return the options of each view, as of `stepbus view`."""
-        page = [["--no-open"] if self.no_open else []] if self.view else []
-        return page if self.foxglove is None else [*page, ["--foxglove", str(self.foxglove)]]
-
-
-_FACTOR = {
-    "type": number("not a number from 0.001 to 1000", 1e-3, 1e3, float),
-    "nargs": "?",
-    "const": 1.0,
-    "metavar": "FACTOR",
-}
-
-
-@command(group="run", is_run=True)
-def run_command(
-    scenario: ScenarioName,
-    *,
-    changes: Changes,
-    out: Folder = None,
-    real_time: Annotated[float | None, _FACTOR] = None,
-    pause_at: Annotated[int | str | None, {"type": step_or_time, "metavar": "STEP"}] = None,
-    in_process: bool = False,
-    degrees: bool = False,
-    extensions: Annotated[Sequence[str], {"flag": "--with", "metavar": "FILE.py:CLASS"}] = (),
-    profile: bool = False,
-    no_report: bool = False,
-    json: Json = False,
-    views: Views,
-) -> int:
-    """Run a scenario and record it.
-
-    Starts all participants of a scenario, steps them in lockstep, and records everything to
-    run.mcap. Ctrl-C ends the run cleanly. In a terminal, p pauses and resumes, s makes one step, q
-    stops; none of these affects the result. The exit code tells the cause of a failure
-    (docs/exit-codes.md).
-
-    out: folder of this run (default: runs/<name>-<time>). real_time: pace steps by the wall clock,
-    at FACTOR times real time (default: 1), and count late steps (docs/guide/running/real_time.md).
-    pause_at: pause before this step, or time such as 6s; 0: before the first. in_process: run all
-    participants in one process: faster, same recording. degrees: show the measured joint angles in
-    degrees during the run. extensions: add your own extension to the run
-    (docs/guide/writing/extension.md). profile: measure how each step spends its time: compute,
-    wait, transport, record. no_report: do not write report.html and report.png; print the figures
-    only.
-
-    $ stepbus run two_link
-    $ stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s
-    $ stepbus run my/scenario.yaml --window 1 --out /tmp/run1
-    $ stepbus run two_link --fault 'freeze controller at 500 for 200ms'
-    $ stepbus run my/scenario.yaml --debug controller
-    $ stepbus run two_link --view --real-time
-    $ stepbus run two_link --foxglove 8765 --real-time
-    $ stepbus run two_link --external controller
-    $ stepbus run two_link --external controller=/tmp/c.ticket
-    """
+def run_command(given: Run) -> int:
+    """Run a scenario, show its progress, and print its result."""
     # Else it would be the scenario that cannot be read.
     check_limits(1)
-    loaded = changes.load(scenario)
-    is_quiet = json or bool(changes.debug)
+    loaded = _load(given)
+    is_quiet = given.json or bool(given.debug)
     has_keys = has_terminal() and not is_quiet
-    if pause_at is not None and not (has_keys or views.view):
+    if given.pause_at and not (has_keys or given.view):
         raise WiringError(
             "--pause-at needs --view or an interactive terminal to resume the run; it "
             "cannot be combined with --json or --debug"
@@ -179,41 +52,81 @@ def run_command(
     check_installed(loaded)
     check_limits(len(loaded.participants))
     # Beside JSON, the lines have no reader, and they take as long as the recording of the run.
-    is_read = not (json and no_report)
+    is_read = not (given.json and given.no_report)
     if is_read:
         _load_after_run()
-    at = whole_steps(pause_at, loaded.step_ns) if isinstance(pause_at, str) else pause_at
-    pace = Pace(at)
-    own: list[RunExtension] = [] if real_time is None else [RealTime(loaded.step_ns, real_time)]
-    own += [load_extension(name) for name in extensions]
-    own += [Profile()] if profile else []
+    pace = Pace(_step(given.pause_at, loaded.step_ns))
     options = Options(
-        out=out or default_folder(loaded, Path("runs")),
-        host=host_of(in_process=in_process, owns_descriptors=not changes.debug),
-        extensions=[pace, *changes.extensions(), *own],
+        out=given.out or default_folder(loaded, Path("runs")),
+        host=host_of(in_process=given.in_process, owns_descriptors=not given.debug),
+        extensions=[pace, *_extensions(given, loaded.step_ns)],
     )
     display = displayed(
         loaded.name,
-        quiet=json,
-        plain=bool(changes.debug),
-        degrees=degrees,
+        quiet=given.json,
+        plain=bool(given.debug),
+        degrees=given.degrees,
         invites=bool(external_names(loaded)),
         keys=has_keys,
     )
     with interruptible(ends=True) as interrupt:
         # A participant in a debugger reads the keys itself.
         keys = nullcontext() if is_quiet else controlled(pace, interrupt)
-        with viewed(options.out, views.options(), stays=has_keys, interrupt=interrupt):
+        with viewed(options.out, _views(given), stays=has_keys, interrupt=interrupt):
             with display as shown, keys:
                 result = run(loaded, options, shown, interrupt)
+            has_plots = not given.no_report
             lines = (
-                after_run(result, has_plots=not no_report, is_interrupted=interrupt.is_set())
+                after_run(result, has_plots=has_plots, is_interrupted=interrupt.is_set())
                 if is_read
                 else []
             )
             error = result.reason if result.exit_code else ""
-            Answer(value=result, lines=_summary(result, lines), error=error).show(as_json=json)
+            Answer(value=result, lines=_summary(result, lines), error=error).show(
+                as_json=given.json
+            )
     return result.exit_code
+
+
+def _load(given: Run) -> Scenario:
+    """Return the scenario with all that the options change of it."""
+    overrides = [*given.set]
+    if given.window is not None:
+        overrides += [f"window={given.window}", f"batch={max(1, given.window // 2)}"]
+    if given.transport is not None:
+        overrides.append(f"bus.transport={given.transport}")
+    overrides += [f"{text.partition('=')[0]}.start=external" for text in given.external]
+    scenario = load(given.scenario, overrides, given.faults)
+    if given.join_timeout:
+        names = external_names(scenario)
+        if not names:
+            raise WiringError("--join-timeout is for participants with `start: external`")
+        overrides += [f"{name}.spawn_timeout={given.join_timeout}" for name in names]
+        scenario = load(given.scenario, overrides, given.faults)
+    return without_deadlines(scenario, [*given.debug, *given.no_deadline])
+
+
+def _step(text: str, step_ns: int) -> int | None:
+    """Return a step from its number or its time; None where there is none."""
+    return int(text) if text.isdecimal() else whole_steps(text, step_ns) if text else None
+
+
+def _extensions(given: Run, step_ns: int) -> Iterator[RunExtension]:
+    rows = (text.partition("=") for text in given.external)
+    yield External({name: Path(path) for name, _, path in rows if path})
+    yield Debug(given.debug, given.no_deadline)
+    if given.real_time is not None:
+        yield RealTime(step_ns, *(given.real_time or [1.0]))
+    yield from map(load_extension, given.extensions)
+    if given.profile:
+        yield Profile()
+
+
+def _views(given: Run) -> list[list[str]]:
+    """Return the options of each view, as of `stepbus view`."""
+    page = [["--no-open"] if given.no_open else []] if given.view else []
+    port = given.foxglove
+    return page if port is None else [*page, ["--foxglove", str(*(port or [0]))]]
 
 
 @cache

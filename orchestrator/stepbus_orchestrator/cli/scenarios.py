@@ -5,12 +5,13 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 from rich.table import Table
 
-from stepbus_orchestrator.cli.parameters import ScenarioName, Set, command, number
+from stepbus_orchestrator.cli import commands
+from stepbus_orchestrator.cli.commands import Describe, Validate
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.output import Answer, table
 from stepbus_orchestrator.run.describe import (
@@ -38,30 +39,13 @@ _NUMERIC = ("index", "lower", "upper", "velocity", "effort")
 _UNLIMITED = "-"
 
 
-@command(group="run")
-def validate_command(
-    scenario: ScenarioName,
-    *,
-    set: Set = (),
-    steps: Annotated[int, {"type": number("not a number of steps (0 or more)", 0)}] = 5,
-) -> Answer:
-    """Check a scenario and show its schedule.
-
-    Checks a scenario without running it, and lists all problems at once, with file, line and path.
-    If there are none, the classes of stepbus load their worlds, laws and tasks once, and your own
-    are imported, to find errors that only show then. Prints which participant publishes at which
-    step, and how many shared-memory slots each bulk output takes.
-
-    steps: how many steps of the schedule to show.
-
-    $ stepbus validate two_link
-    $ stepbus validate my/scenario.yaml --steps 20
-    """
+def validate_command(given: Validate) -> Answer:
+    """Return the schedule of a scenario; raises ScenarioError with all problems."""
     warnings: list[str] = []
-    loaded = load(scenario, set, last_check=partial(rehearse, warnings=warnings))
+    loaded = load(given.scenario, given.set, last_check=partial(rehearse, warnings=warnings))
     schedule = Schedule(loaded)
-    shown = schedule.text(steps)
-    is_cut = loaded.steps is None or steps < loaded.steps
+    shown = schedule.text(given.steps)
+    is_cut = loaded.steps is None or given.steps < loaded.steps
     slots = slot_counts(loaded)
     length = "no fixed end" if loaded.steps is None else f"{loaded.steps} steps"
     return Answer(
@@ -90,21 +74,9 @@ def validate_command(
     )
 
 
-@command(group="run")
-def describe_command(scenario: ScenarioName, *, set: Set = ()) -> Answer:
-    """List ports, joints and limits, without running a step.
-
-    Starts every participant, waits until it has loaded its model, and prints its inputs and the
-    descriptions of its outputs: names, types, modes, limits (rad, rad/s, N·m; - for none), and
-    whether the motor of each joint is on. A motor is off in the modes passive and teleport, and
-    when its effort limit is 0. Runs no step and records nothing. The exit codes are those of
-    `stepbus run`.
-
-    $ stepbus describe two_link
-    $ stepbus describe two_link/pd --set plant.params.world=world.yaml
-    $ stepbus describe two_link --json
-    """
-    loaded = load(scenario, set)
+def describe_command(given: Describe) -> Answer:
+    """Return what the participants say of their ports."""
+    loaded = load(given.scenario, given.set)
     with interruptible() as interrupt:
         described = describe(loaded, interrupt)
     return Answer(value=described, lines=_described(described))
@@ -162,34 +134,19 @@ def _cell(value: object) -> str:
     return "" if value is None else str(value)
 
 
-@command(group="look")
-def types_command(
-    source: str | None = None, *, out: Annotated[Path | None, {"metavar": "FOLDER"}] = None
-) -> Answer:
-    """Show message types, or write their schemas and byte vectors.
-
-    Shows the fields of message types with units and shapes, and their layout in the bridge's raw
-    format. With --out, writes test data for programs in other languages: JSON Schemas, and byte
-    vectors that a codec must read and write.
-
-    source: a scenario with its own types, a YAML file of types, or an installed module of message
-    classes (default: the built-in types). out: write messages.md, vectors.json and a JSON Schema
-    for each type.
-
-    $ stepbus types
-    $ stepbus types types.yaml --out types
-    """
-    types = Types() if source is None else _types(source)
-    names = list(types.declarations) or ([*MESSAGE_TYPES] if source is None else [])
+def types_command(given: commands.Types) -> Answer:
+    """Return the schemas of message types, and write them where a folder is given."""
+    types = _types(given.source) if given.source else Types()
+    names = list(types.declarations) or ([] if given.source else [*MESSAGE_TYPES])
     schemas = {name: json_schema(name, types) for name in names}
     page = types_page(names, types)
-    if out is None:
+    if given.out is None:
         return Answer(value=schemas, lines=[page.rstrip() if names else "no types of its own"])
     files = {"messages.md": page, "vectors.json": types_vectors(types)} | {
         f"json/{name.replace('/', '.')}.json": json.dumps(s, ensure_ascii=False, indent=2) + "\n"
         for name, s in schemas.items()
     }
-    return Answer(value=schemas, lines=_written(out, files))
+    return Answer(value=schemas, lines=_written(given.out, files))
 
 
 def _written(folder: Path, files: dict[str, str]) -> Iterator[str]:

@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.verify import TrialResult, Verification, plan, verify
-from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command, number
+from stepbus_orchestrator.cli.commands import Verify
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import Display, displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
@@ -20,45 +19,27 @@ from stepbus_orchestrator.scenario.model import partly_recorded
 _SHOWN_HASH = 12
 
 
-@command(
-    group="test",
-    of=verify,
-    hidden=["on_result", "owns_descriptors"],
-    is_run=True,
-    runs={"flag": "-n", "type": number("not a number of runs (2 or more)", 2)},
-    seed={"type": number("not a seed (an integer, 0 or higher)", 0)},
-    out={"metavar": "FOLDER"},
-)
-def verify_command(
-    scenario: ScenarioName, *, set: Set = (), json: Json = False, **given: Any
-) -> Answer:
-    """Run a scenario several times and compare the recordings.
-
-    Runs a scenario several times: once unchanged, then with shuffled start orders, random delays in
-    every participant, and different windows and transports, and finally, if possible, with all
-    participants in one process. All recordings must be byte-identical. Exit code 10: two differ;
-    the first difference is shown.
-
-    $ stepbus verify two_link
-    $ stepbus verify two_link -n 10 --set duration=2s --seed 1
-    """
-    loaded = load(scenario, set)
-    count = len(plan(loaded, given["runs"], given["seed"], in_process=can_host()))
+def verify_command(given: Verify) -> Answer:
+    """Run the scenario under each condition, and return whether all recordings are equal."""
+    loaded = load(given.scenario, given.set)
+    count = len(plan(loaded, given.runs, given.seed, in_process=can_host()))
     with (
-        displayed(f"verify {loaded.name}", quiet=json, runs=count) as display,
+        displayed(f"verify {loaded.name}", quiet=given.json, runs=count) as display,
         interruptible() as interrupt,
         warm_parent([spec.participant for spec in loaded.participants], runs=count),
     ):
         watcher = None if display is None else _Trials(display)
         verification = verify(
             loaded,
-            **given,
+            runs=given.runs,
+            seed=given.seed,
+            out=given.out,
             on_result=(lambda _trial, _count: None) if watcher is None else watcher.result,
             observer=watcher,
             interrupt=interrupt,
             owns_descriptors=can_host(),
         )
-    return _answer(verification, given["out"], partly_recorded(loaded.participants))
+    return _answer(verification, given.out, partly_recorded(loaded.participants))
 
 
 class _Trials(Observer):

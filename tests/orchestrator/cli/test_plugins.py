@@ -9,12 +9,20 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.plugins import all_points
 
 COMMAND = """
-from stepbus_orchestrator.cli.parameters import Command
-COMMAND = Command(
-    name="greet", summary="say hello", description="Says hello.", examples=("stepbus greet",),
-    add_arguments=lambda parser: parser.add_argument("--loud", action="store_true"),
-    execute=lambda args: print("HELLO" if args.loud else "hello") or 0,
-)
+from dataclasses import KW_ONLY
+from stepbus_orchestrator.cli.options import Command
+
+class Greet(Command, work="acme_tools"):
+    "Say hello."
+    _: KW_ONLY
+    loud: bool = False
+
+class Lost(Command, work="acme_gone"):
+    "Get lost."
+
+def greet_command(given):
+    print("HELLO" if given.loud else "hello")
+    return 0
 """
 
 
@@ -26,7 +34,8 @@ def acme(tmp_path, monkeypatch):
     info.mkdir()
     (info / "METADATA").write_text("Name: acme\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
-        "[stepbus.commands]\ngreet = acme_tools:COMMAND\nvalidate = acme_tools:COMMAND\n"
+        "[stepbus.commands]\ngreet = acme_tools:Greet\nvalidate = acme_tools:Greet\n"
+        "lost = acme_tools:Lost\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     all_points.cache_clear()
@@ -48,12 +57,21 @@ def test_a_command_of_another_package_works_and_is_listed(capsys):
 
 
 @pytest.mark.usefixtures("acme")
+def test_a_command_whose_work_is_missing_is_one_line(capsys):
+    assert main(["lost"]) == ExitCode.SCENARIO
+    said = capsys.readouterr().err
+    assert said == "stepbus: the command 'lost' cannot be loaded: No module named 'acme_gone'\n"
+
+
+@pytest.mark.usefixtures("acme")
 def test_no_package_replaces_a_command_of_the_core(capsys):
     assert main(["validate", "two_link", "--steps", "1"]) == 0
     assert "valid; 2000 steps" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("value", ["acme_gone:COMMAND", "acme_tools:gone"])
+@pytest.mark.parametrize(
+    "value", ["acme_gone:Greet", "acme_tools:gone", "acme_tools:greet_command"]
+)
 def test_a_command_that_cannot_be_loaded_is_an_error_and_the_others_work(acme, capsys, value):
     acme.write_text(f"[stepbus.commands]\nbroken = {value}\n")
     assert main(["broken"]) == ExitCode.SCENARIO

@@ -3,20 +3,18 @@
 import math
 import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Annotated
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, has_screen, say, table, visible
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario.load import load
-from stepbus_schemas import PROTOCOL_VERSION, BridgeFormat
+from stepbus_schemas import PROTOCOL_VERSION
+from stepbus_tools.commands.declared import Conformance, Doctor, Selftest
 from stepbus_tools.conformance import CheckResult, Report, conformance, select, write_junit
 from stepbus_tools.doctor import examine
 from stepbus_tools.selftest import SelfTest, Verdict, selftest
@@ -24,56 +22,28 @@ from stepbus_tools.selftest import SelfTest, Verdict, selftest
 _STYLES = {"pass": "green", "fail": "bold red", "skipped": "yellow"}
 
 
-@command(group="test", is_run=True)
-def conformance_command(
-    program: Annotated[Sequence[str], {"metavar": "-- PROGRAM"}] = (),
-    *,
-    bridge: BridgeFormat | None = None,
-    scenario: Annotated[str, {"complete": "scenario"}] = "two_link",
-    participant: Annotated[str, {"metavar": "NAME"}] = "controller",
-    set: Set = (),
-    only: Annotated[Sequence[str], {"metavar": "NAME"}] = (),
-    list: bool = False,
-    logs: Annotated[Path | None, {"metavar": "FOLDER"}] = None,
-    junit: Annotated[Path | None, {"metavar": "FILE"}] = None,
-    json: Json = False,
-) -> Answer:
-    """Check a program against the protocol.
-
-    Simulates the orchestrator and all peers of one participant, on the real bus, and checks the
-    participant's behaviour: 65 checks, each of one clause of docs/protocol.md. Restarts the program
-    for each check. Exit code 0: no check failed, 11: at least one failed.
-
-    program: command line of the program, started in the current folder (default: the one in the
-    scenario). bridge: start it through `stepbus bridge`. scenario: scenario that defines the ports.
-    participant: participant that the program implements. set: override one value of the scenario,
-    e.g. controller.step_timeout=10s. only: run this check; may be repeated. list: list the checks
-    and start nothing. logs: keep the program's logs. junit: write JUnit XML.
-
-    $ stepbus conformance -- ./my_controller
-    $ stepbus conformance --bridge json -- node controller.mjs
-    $ stepbus conformance --only windows --only determinism -- ./my_controller
-    $ stepbus conformance --scenario my/scenario.yaml --participant plant
-    $ stepbus conformance --list
-    """
-    if list:
-        rows = [{"name": c.name, "clause": c.clause, "summary": c.summary} for c in select(only)]
+def conformance_command(given: Conformance) -> Answer:
+    """Run the checks, and return whether the program passes."""
+    if given.list:
+        rows = [
+            {"name": c.name, "clause": c.clause, "summary": c.summary} for c in select(given.only)
+        ]
         row = "{name:20} {clause:6} {summary}"
         return Answer(value=rows, lines=[row.format(**r).replace("`", "") for r in rows])
-    loaded, checks = load(scenario, set), select(only)
+    loaded, checks = load(given.scenario, given.set), select(given.only)
     with interruptible() as interrupt:
         report = conformance(
             loaded,
-            participant,
-            program,
-            bridge=bridge,
+            given.participant,
+            given.program,
+            bridge=given.bridge,
             checks=checks,
-            logs=logs,
-            on_result=(lambda _result: None) if json else _show,
+            logs=given.logs,
+            on_result=(lambda _result: None) if given.json else _show,
             interrupt=interrupt,
         )
-    if junit is not None:
-        write_junit(report, junit)
+    if given.junit is not None:
+        write_junit(report, given.junit)
     return Answer(
         value={"conforms": report.conforms, "report": report},
         lines=[_verdict(report)],
@@ -103,15 +73,8 @@ def _verdict(report: Report) -> str:
     )
 
 
-@command(group="test")
-def doctor_command() -> Answer:
-    """Check this machine: versions, bus, disk, extras.
-
-    Checks versions, native libraries, the bus (with a message), disk space and missing
-    extras. Exit code 1: something is broken.
-
-    $ stepbus doctor
-    """
+def doctor_command(_given: Doctor) -> Answer:
+    """Return what is broken or missing on this machine."""
     findings = examine()
     is_broken = any(finding.verdict == "fail" for finding in findings)
     return Answer(
@@ -121,33 +84,12 @@ def doctor_command() -> Answer:
     )
 
 
-@command(group="test", is_run=True)
-def selftest_command(
-    scenario: ScenarioName,
-    *,
-    set: Set = (),
-    angle: Annotated[float, {"metavar": "DEGREES"}] = 90,
-    json: Json = False,
-) -> Answer:
-    """Move every joint to a known angle and read it back.
-
-    Runs the plant of a scenario without its controller and mission. Moves one joint at a time to
-    90° and to -90°, or as far as its limits allow, and checks that this joint moves, in the
-    commanded direction, by the commanded angle, within its limits, and that no other joint moves. A
-    joint passes if it reaches one side: on the other side the robot may collide with itself. Joints
-    in torque mode are pushed forward and back, then set to the angle. Exit code 0: every joint
-    passes, 11: at least one fails; otherwise those of `stepbus run`.
-
-    angle: target angle, limited by the range of each joint.
-
-    $ stepbus selftest two_link
-    $ stepbus selftest baxter --angle 30
-    $ stepbus selftest two_link --json
-    """
-    loaded = load(scenario, set)
+def selftest_command(given: Selftest) -> Answer:
+    """Move the joints, and return how far each one went."""
+    loaded = load(given.scenario, given.set)
     title = f"{loaded.name} selftest"
-    with displayed(title, quiet=json) as display, interruptible() as interrupt:
-        result = selftest(loaded, math.radians(angle), display, interrupt)
+    with displayed(title, quiet=given.json) as display, interruptible() as interrupt:
+        result = selftest(loaded, math.radians(given.angle), display, interrupt)
     code = ExitCode.FINISHED if result.ok else ExitCode.NONCONFORMING
     return Answer(value=result, lines=_tested(result), code=code)
 

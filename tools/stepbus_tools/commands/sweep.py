@@ -3,68 +3,25 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from typing import Any
 
 from stepbus import sweep
-from stepbus_orchestrator.cli.parameters import DURATION, Json, command, number
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import Reached, open_screen
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.scenario.override import yaml_text
+from stepbus_participant import parse_duration
+from stepbus_tools.commands.declared import Sweep
 from stepbus_tools.sweep.rows import TABLE_FILE
 from stepbus_tools.sweep.run_sweep import RUNNING, SweepProgress, SweepResult
 
 
-def _value(text: str) -> int | str:
-    """Return an integer; what is none is told with all that is wrong with the sweep."""
-    try:
-        return int(text)
-    except ValueError:
-        return text
-
-
-_WHOLE = {"type": _value}
-
-
-@command(
-    group="many",
-    of=sweep,
-    hidden=["on_progress"],
-    is_run=True,
-    scenario={"complete": "scenario"},
-    out={"metavar": "FOLDER"},
-    vary={"flag": "--vary", "metavar": "AXIS"},
-    samples=_WHOLE,
-    sampling={"choices": None},
-    seed=_WHOLE,
-    repeats=_WHOLE,
-    metrics={"flag": "--metric", "metavar": "FILE.py:FUNCTION"},
-    optimize={"metavar": "METRIC"},
-    trials=_WHOLE,
-    batch=_WHOLE,
-    jobs={"type": number("not a number of processes (1 or more)", 1)},
-    timeout_s={
-        "flag": "--timeout",
-        "help": "time limit of a run, e.g. 90s (default: none)",
-        **DURATION,
-    },
-    retry={"type": number("not a number of retries (0 or more)", 0), "metavar": "N"},
-)
-def sweep_command(*, json: Json = False, **given: Any) -> Answer:
-    """Run a scenario many times with different values, and collect one table.
-
-    Runs a scenario once for each combination of the values that you vary, on all cores or on a Ray
-    cluster, and writes one row per run to results.parquet: the values, the outcome, metrics, and
-    the SHA-256 of the recording. Run the same command again to resume an interrupted sweep. A
-    failed run is a row too; the exit code is 0 once every run has its row.
-
-    $ stepbus sweep two_link --vary controller.params.kp=50:200:7
-    $ stepbus sweep two_link --samples 9 --vary 'controller.params.kp~normal(9, 1)'
-    $ stepbus sweep two_link --vary controller.params.kp=10:400:log --optimize rmse
-    $ stepbus sweep my_sweep.yaml --out sweeps/friction --keep all
-    """
-    with interruptible(ends=True) as interrupt, _shown(quiet=json) as show:
-        result = sweep(**given, on_progress=show, interrupt=interrupt)
+def sweep_command(given: Sweep) -> Answer:
+    """Make the runs that are missing, and return their table."""
+    options = vars(given).copy()
+    is_json, timeout, jobs = (options.pop(name) for name in ("json", "timeout", "jobs"))
+    options |= {"jobs": jobs or 0, "timeout_s": parse_duration(timeout) * 1e-9 if timeout else 0.0}
+    with interruptible(ends=True) as interrupt, _shown(quiet=is_json) as show:
+        result = sweep(**options, on_progress=show, interrupt=interrupt)
     return Answer(value=result, lines=_summary(result))
 
 

@@ -4,70 +4,26 @@ import os
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-from stepbus_orchestrator.cli.parameters import (
-    RECORDING,
-    FoxglovePort,
-    PortNumber,
-    RecordingPath,
-    command,
-)
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_schemas import WiringError
+from stepbus_tools.commands.declared import View
 from stepbus_tools.viewing.access import open_in_browser
 
 _NICE = 15
 IsOver = Callable[[], bool]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Place:
-    """Where a recording is shown.
-
-    port: port to listen on (default: any free port). host: address to listen on (default: this
-    machine only). no_open: do not open a browser. foxglove: serve Foxglove and Lichtblick over a
-    WebSocket instead of the page (default: any free port).
-    """
-
-    port: PortNumber = None
-    host: str = "127.0.0.1"
-    no_open: bool = False
-    foxglove: FoxglovePort = None
-
-
-@command(group="look")
-def view_command(
-    recording: RecordingPath,
-    ghost: Annotated[Path | None, RECORDING] = None,
-    *,
-    follow: bool = False,
-    until_end: bool = False,
-    place: Place,
-) -> int:
-    """Show a recording or a live run in 3D, in the browser.
-
-    Serves a local page with the robot and world of a recording: targets as ghosts, contacts,
-    planned paths, detections, camera images, curves and events, with a time slider. It reads only
-    what you look at, so a long recording opens immediately. The URL contains a token and works
-    once, in one browser.
-
-    recording: a run.mcap, or the folder of its run, which may be live. ghost: a second recording,
-    drawn as a ghost. follow: wait for a run to start in this folder. until_end: exit when the run
-    ends, instead of showing its recording.
-
-    $ stepbus view runs/arm
-    $ stepbus view runs/arm/run.mcap runs/other/run.mcap --no-open
-    $ stepbus view runs/arm --foxglove 8765
-    """
-    if place.foxglove is not None and ghost is not None:
+def view_command(given: View) -> int:
+    """Show a recording or a live run until the user ends it."""
+    recording, ghost = given.recording, given.ghost
+    if given.foxglove is not None and ghost is not None:
         raise WiringError("--foxglove shows a single recording; omit it to compare two recordings")
-    is_live = ghost is None and (follow or (recording / LIVE_FILE).exists())
+    is_live = ghost is None and (given.follow or (recording / LIVE_FILE).exists())
     paths = () if is_live else (recording, ghost)
     opened = [_opened(path) for path in paths if path is not None]
     folder = recording.parent if recording.is_file() else recording
@@ -75,13 +31,13 @@ def view_command(
     parent = os.getppid()
     with (
         interruptible() as interrupt,
-        closing((_Page if place.foxglove is None else _Foxglove)(label, place)) as view,
+        closing((_Page if given.foxglove is None else _Foxglove)(label, given)) as view,
     ):
         if is_live:
             # The run, which has waited for it so far, comes first.
             os.nice(_NICE)
             has_ended = view.follow(folder, lambda: interrupt.is_set() or os.getppid() != parent)
-            if until_end or not has_ended:
+            if given.until_end or not has_ended:
                 return 0
         view.play(opened or [_opened(folder)], interrupt.is_set, from_end=is_live)
     return 0
@@ -108,12 +64,12 @@ def _opened(path: Path) -> Recording:
 class _Page:
     """A page in the browser."""
 
-    def __init__(self, label: str, place: Place) -> None:
+    def __init__(self, label: str, given: View) -> None:
         from stepbus_tools.viewing.stage.server import open_page  # noqa: PLC0415
 
-        self._page = open_page(label, host=place.host, port=place.port or 0, tell=self._tell)
+        self._page = open_page(label, host=given.host, port=given.port or 0, tell=self._tell)
         say(f"view: {self._page.address}\nCtrl-C closes it")
-        if not place.no_open:
+        if not given.no_open:
             threading.Thread(target=self._browse, daemon=True).start()
 
     def _browse(self) -> None:
@@ -148,11 +104,11 @@ class _Page:
 class _Foxglove:
     """A server for Foxglove and Lichtblick."""
 
-    def __init__(self, label: str, place: Place) -> None:
+    def __init__(self, label: str, given: View) -> None:
         from stepbus_tools.viewing.foxglove_server import open_server  # noqa: PLC0415
 
-        port = place.foxglove or place.port or 0
-        self._server = open_server(label, host=place.host, port=port)
+        port = next(iter(given.foxglove or ()), given.port or 0)
+        self._server = open_server(label, host=given.host, port=port)
         say(f"foxglove: {self._server.address}\nCtrl-C closes it")
 
     def follow(self, folder: Path, is_over: IsOver) -> bool:
