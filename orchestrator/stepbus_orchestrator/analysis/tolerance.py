@@ -124,19 +124,18 @@ class Tolerance:
 
     def check(self, fields: Mapping[str, Sequence[str]]) -> None:
         """Raise WiringError for every topic and field that does not exist. fields: by topic."""
-        mistakes = [m for key in self.rules for m in _mistakes(*key, fields)]
+        mistakes: list[str] = []
+        for topic, name in self.rules:
+            if topic not in {*fields, ANY}:
+                near = suggest(topic, fields)
+                mistakes.append(f"tolerance: no port {topic!r} in the recording{near}")
+                continue
+            known = fields[topic] if topic != ANY else [n for own in fields.values() for n in own]
+            if name not in {*known, ANY}:
+                where = "in any channel" if topic == ANY else f"in {topic}"
+                mistakes.append(f"tolerance: no field {name!r} {where}{suggest(name, known)}")
         if mistakes:
             raise WiringError("\n".join(mistakes))
-
-
-def _mistakes(topic: str, name: str, fields: Mapping[str, Sequence[str]]) -> Iterable[str]:
-    if topic not in {*fields, ANY}:
-        yield f"tolerance: no port {topic!r} in the recording{suggest(topic, fields)}"
-        return
-    known = fields[topic] if topic != ANY else [n for names in fields.values() for n in names]
-    if name not in {*known, ANY}:
-        where = "in any channel" if topic == ANY else f"in {topic}"
-        yield f"tolerance: no field {name!r} {where}{suggest(name, known)}"
 
 
 AnyTolerance = float | Mapping[str, float] | str | PathLike[str] | Tolerance | None

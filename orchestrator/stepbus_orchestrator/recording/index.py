@@ -238,7 +238,7 @@ class Scanner:
         try:
             for record in records_of(opcode, content, checked=index.is_ours):
                 if isinstance(record, mcap.Message):
-                    self._check_message(record)
+                    self._check(record, index.channels.get(record.channel_id))
                     channels.add(record.channel_id)
                     times.append(record.log_time)
                 else:
@@ -260,22 +260,22 @@ class Scanner:
         self._take_checksum(opcode, content)
         return opcode
 
-    def _check_message(self, message: mcap.Message) -> None:
-        """Raise DamagedRecord for a message of a channel that no record before it describes."""
-        channel = self.index.channels.get(message.channel_id)
+    def _check(self, message: mcap.Message, channel: mcap.Channel | None) -> None:
+        """Raise DamagedRecord for a message that cannot stand here."""
         if channel is None:
             raise DamagedRecord(
                 f"a message is of channel {message.channel_id} that has no Channel record"
             )
-        if self.index.is_ours:
-            if message.sequence < self._done:
-                raise DamagedRecord(
-                    f"a message of step {message.sequence} follows later ones: the write "
-                    "that should replace it was interrupted"
-                )
-            self._done = message.sequence
-            # Written last, it shows that nothing of its step is missing.
-            self.index.ends_a_step = channel.topic == layout.CHAIN_TOPIC
+        if not self.index.is_ours:
+            return
+        if message.sequence < self._done:
+            raise DamagedRecord(
+                f"a message of step {message.sequence} follows later ones: the write "
+                "that should replace it was interrupted"
+            )
+        self._done = message.sequence
+        # Written last, it shows that nothing of its step is missing.
+        self.index.ends_a_step = channel.topic == layout.CHAIN_TOPIC
 
     def _take_checksum(self, opcode: int, content: bytes) -> None:
         """Add a record to the checksum of its section; raise DamagedRecord where that is wrong."""

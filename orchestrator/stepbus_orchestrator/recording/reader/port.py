@@ -169,7 +169,8 @@ class Port(PortInfo):
 
     def entries(self) -> Iterator[Entry]:
         """Yield each message undecoded."""
-        return self._source.entries(self.channels)
+        for _, step, t_ns, data in self._source.rows(self.channels):
+            yield Entry(step=step, t_ns=t_ns, data=data)
 
     @property
     def last(self) -> Entry | None:

@@ -102,11 +102,6 @@ class Source:
                     self._end_before(block, exc)
                     return
 
-    def entries(self, channels: frozenset[int]) -> Iterator[Entry]:
-        """Yield the messages of some channels in recorded order, up to the first damage."""
-        for _, step, t_ns, data in self.rows(channels):
-            yield Entry(step=step, t_ns=t_ns, data=data)
-
     def latest(self, channels: frozenset[int], t_ns: int = LATEST_NS) -> Entry | None:
         """Return the newest message of some channels at a time or before; None without any.
 

@@ -138,19 +138,20 @@ class Tail:
             if isinstance(record, mcap.Schema):
                 self.types = recorded_types(self._index.schema_texts)
             elif isinstance(record, mcap.Channel) and not is_known:
-                self._add_port(record)
+                self._descriptions[record.topic] = Description()
+                with contextlib.suppress(ValueError):
+                    self._descriptions[record.topic] = description_of(record)
+                self.ports[record.topic] = PortInfo(self._index, record, self._descriptions)
         return count
-
-    def _add_port(self, channel: mcap.Channel) -> None:
-        self._descriptions[channel.topic] = Description()
-        with contextlib.suppress(ValueError):
-            self._descriptions[channel.topic] = description_of(channel)
-        self.ports[channel.topic] = PortInfo(self._index, channel, self._descriptions)
 
     @property
     def last_step(self) -> int:
         """Return the newest step with a message; −1 without any."""
         return max((step for step, _ in self._newest.values()), default=-1)
+
+    def newest(self, topic: str) -> tuple[int, bytes] | None:
+        """Return (step, bytes) of the newest message of a port; None before the first."""
+        return self._newest.get(topic)
 
     @property
     def step_ns(self) -> int:
