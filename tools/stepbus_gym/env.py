@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import math
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import gymnasium
@@ -19,18 +22,17 @@ from gymnasium.spaces import Box
 
 import stepbus
 from stepbus.runs import AnyScenario
-from stepbus_orchestrator.errors import RunFailure
+from stepbus_gym.interface import Params, PolicyPorts, Vector, bounds
+from stepbus_gym.policy import PolicyParticipant, checked_action
+from stepbus_gym.render import Camera, Renderer
+from stepbus_orchestrator.errors import RecordingFailed, RunFailure
 from stepbus_orchestrator.run.episode import Episode
+from stepbus_orchestrator.run.folder import first_new
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
 from stepbus_participant import Config, Step, suggest
 from stepbus_schemas import RunError, WiringError, error_text
-
-from .episodes import Folders
-from .interface import Params, PolicyPorts, Vector, bounds
-from .policy import PolicyParticipant, checked_action
-from .render import Camera, Renderer
 
 Mode = Literal["torque", "velocity", "position"]
 Limits = Mapping[str, tuple[float, float]]
@@ -343,3 +345,43 @@ def _number(value: Any, step: int) -> float:
     if not math.isfinite(number):
         raise RunError(f"step {step}: `reward` returned {value!r}, not a finite number")
     return number
+
+
+DEFAULT = "episodes"
+
+
+class Folders:
+    """Makes a folder for each episode.
+
+    record: `none`, `all`, or the folder to record to. Recordings are numbered from 1 on in that
+    folder, by default `episodes`, whatever else records there; all others are temporary.
+    """
+
+    _temporary: TemporaryDirectory[str] | None = None
+
+    def __init__(self, record: str | PathLike[str]) -> None:
+        self.is_recorded = record != "none"
+        self._parent = Path(DEFAULT if record == "all" else record).absolute()
+
+    def make(self) -> Path:
+        """Return a new folder; raises RecordingFailed where none can be made."""
+        try:
+            if not self.is_recorded:
+                self.drop()
+                self._temporary = TemporaryDirectory(
+                    prefix="gym-stepbus-", ignore_cleanup_errors=True
+                )
+                return Path(self._temporary.name).resolve() / "run"
+            self._parent.mkdir(parents=True, exist_ok=True)
+            known = [int(path.name) for path in self._parent.iterdir() if path.name.isdigit()]
+            numbers = itertools.count(max(known, default=0) + 1)
+            return first_new(self._parent / f"{number:06}" for number in numbers)
+        except OSError as exc:
+            raise RecordingFailed(
+                f"cannot create a folder for an episode: {exc.filename}: {exc.strerror or exc}"
+            ) from exc
+
+    def drop(self) -> None:
+        """Remove what is temporary."""
+        if self._temporary is not None:
+            self._temporary.cleanup()

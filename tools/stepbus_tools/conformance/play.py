@@ -15,14 +15,14 @@ from stepbus_orchestrator.scenario.program import replaced_program, start_comman
 from stepbus_participant import suggest
 from stepbus_schemas import BridgeFormat, WiringError, error_text, raw_fields
 
-from .checks import admission, encodings, endings, inputs, noise, slots, steps
+from .checks import admission, encodings, endings, inputs, noise, steps
 from .kit import Check, Kit
 from .material import find, record
 from .outcome import CheckResult, Failed, Outcome, Report, Skipped
 
 CHECKS = tuple(
     item
-    for module in (admission, steps, inputs, encodings, noise, slots, endings)
+    for module in (admission, steps, inputs, encodings, noise, endings)
     for item in vars(module).values()
     if isinstance(item, Check)
 )

@@ -1,4 +1,4 @@
-"""Checks of how it ends: by a fault that blames the right one, by a stop, by a signal."""
+"""Checks of slots, and of how it ends: by a fault of the right source, a stop or a signal."""
 
 import signal
 from collections.abc import Callable, Collection
@@ -6,13 +6,12 @@ from collections.abc import Callable, Collection
 import msgspec
 
 from stepbus_schemas import Fault
+from stepbus_tools.conformance.checks.noise import bulk_inputs
 from stepbus_tools.conformance.feeds import Ports
 from stepbus_tools.conformance.harness import Harness
 from stepbus_tools.conformance.kit import Check, Kit, check
 from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
-
-from .noise import bulk_inputs
 
 Spoil = Callable[[Harness, str, int, Ports], None]
 """Publishes something wrong on behalf of a source, at a step where its outputs are due."""
@@ -20,6 +19,55 @@ Spoil = Callable[[Harness, str, int, Ports], None]
 _TERM_S = 1.0
 # By then it waits: it has nothing else to do.
 _WAITING_S = 0.1
+
+
+# --- bulk content in files that the participants share -----------------------------------------
+
+_SLOTS = Setup(has_slots=True)
+
+
+@check("P17.3", "bulk content in slots changes nothing", plain=True)
+def _slots(kit: Kit) -> str:
+    if not any(output.bulk for output in kit.spec.outputs.values()):
+        bulk_inputs(kit)
+    transcript = kit.play(setup=_SLOTS)
+    named = transcript.readies[-1].slots
+    if not named:
+        raise Skipped("its Ready names no slots: its bulk content travels in messages")
+    kit.same(transcript, "with bulk content in slots")
+    own = {port for port in kit.spec.outputs if f"{kit.spec.name}.{port}" in named}
+    for step, outputs in transcript.outputs.items():
+        if in_messages := own & outputs.bulk.keys() - outputs.slots.keys():
+            raise Failed(f"step {step}: it has slots for {min(in_messages)}, and uses none")
+    return f"{', '.join(named)}: the same outputs"
+
+
+def _slot_inputs(kit: Kit) -> dict[str, set[str]]:
+    """Return source → its ports that the participant reads from slots."""
+    bulk = bulk_inputs(kit)
+    with kit.running(setup=_SLOTS) as harness:
+        named = harness.transcript.readies[-1].slots
+    used = {s: {p for p in ports if f"{s}.{p}" in named} for s, ports in bulk.items()}
+    if not any(used.values()):
+        raise Skipped("its Ready names none of its bulk inputs")
+    return {source: ports for source, ports in used.items() if ports}
+
+
+@check(
+    "P17.4",
+    "it reports a fault of the source if a slot does not hold the announced step",
+    inputs=True,
+    plain=True,
+)
+def _slot_stamp(kit: Kit) -> str:
+    def spoil(harness: Harness, source: str, step: int, ports: Ports) -> None:
+        harness.publish(source, step, ports, late=1)
+
+    rows = _slot_inputs(kit).items()
+    return "; ".join(blames(kit, source, spoil, ports, _SLOTS) for source, ports in rows)
+
+
+# --- faults -------------------------------------------------------------------------------------
 
 
 def _ports_of(kit: Kit) -> dict[str, set[str]]:

@@ -1,36 +1,25 @@
-"""The curves of a page: small ones that need no script, and the numbers for large ones."""
+"""The curves of a page: what its script draws, and which line is which."""
 
 import base64
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array
-from stepbus_tools.look import engineering, line_sample, line_style, prefixed, run_sample
+from stepbus_tools.look import engineering, line_style, prefixed, run_sample
 from stepbus_tools.report.charts import Chart, ChartLine
 from stepbus_tools.report.curves import Curve
 
 from .content import Group, RunPage
 
 _MOST_POINTS = 2000
-_FULL = 4
-"""So many charts share the width of the page."""
+_BAR = files(__package__ or "") / "assets" / "curves.html"
 _PAST = 1.03
 """The time axis reaches so far beyond a mark at the end of a run."""
-_BAR = (
-    '<div id="bar" hidden role="group" aria-label="Curves"><label>show <input '
-    'id="filter" type="search" placeholder="joint, port or '
-    'quantity"></label><label>from <input id="from" type="number" '
-    'step="any"></label><label>to <input id="to" type="number" step="any"> '
-    's</label><button id="all" type="button">whole run</button><button id="unit" '
-    'type="button">show degrees</button><button id="open" type="button">open '
-    'all</button></div><p class="note"><span class="screen">A curve opens when you '
-    "click it. </span>Wide, light lines: commands; dotted: targets; dashed red: "
-    "limits.</p>"
-)
 
 
 class Curves:
@@ -50,18 +39,23 @@ class Curves:
         arrays = _Arrays()
         return {
             "groups": [
-                {"title": group.title, "charts": [arrays.chart(chart) for chart in group.charts]}
+                {
+                    "title": group.title,
+                    "open": group.is_open,
+                    "color": group.color,
+                    "charts": [arrays.chart(chart) for chart in group.charts],
+                }
                 for group in self.groups
             ],
+            "first": self._runs[0].label,
             "marks": [{"t": m.t, "level": m.level, "text": m.sentence} for m in self.marks],
             "end": self.end_s,
             "arrays": arrays.encoded(),
         }
 
     def html(self) -> str:
-        """Return all groups of small curves."""
-        shown = "".join(self._group(number, group) for number, group in enumerate(self.groups))
-        return _BAR + self._names() + shown if shown else ""
+        """Return what the script puts all groups of curves behind; nothing without any."""
+        return _BAR.read_text("utf-8") + self._names() if self.groups else ""
 
     def _names(self) -> str:
         """Return which line is which run's, and which colour which joint's."""
@@ -77,51 +71,6 @@ class Curves:
         )
         colors = f'<p class="legend joints">Colour: {joints}</p>' if joints else ""
         return f'<p class="legend runs">Line: {runs}</p>{colors}' if runs else ""
-
-    def _group(self, number: int, group: Group) -> str:
-        name = escape(group.title)
-        swatch = "" if group.color is None else f'<i class="swatch f{group.color}"></i>'
-        title = f"<h3>{swatch}{name}</h3>"
-        cells = "".join(
-            self._cell(f"{number}-{index}", group.title, chart)
-            for index, chart in enumerate(group.charts)
-        )
-        full = " full" if len(group.charts) >= _FULL else ""
-        matrix = f'<div class="matrix{full}">{cells}</div>'
-        if group.is_open:
-            return f'<section class="group" data-name="{name}">{title}{matrix}</section>'
-        head = f"<summary>{title}</summary>"
-        return f'<details class="group" data-name="{name}">{head}{matrix}</details>'
-
-    def _cell(self, place: str, group: str, chart: Chart) -> str:
-        name, (_, unit) = escape(f"{group} {chart.title}"), prefixed(chart.largest, chart.unit)
-        return (
-            f'<details class="cell" data-chart="{place}" data-name="{name}"><summary>'
-            f'<span class="name">{escape(chart.title)}{f" [{escape(unit)}]" if unit else ""}</span>'
-            f'<span class="most">{escape(_said(chart))}</span>'
-            f'<div class="thumb" role="img" aria-label="{name} over time"></div>'
-            f"{self._legend(chart)}</summary>"
-            f'<div class="chart"></div></details>'
-        )
-
-    def _legend(self, chart: Chart) -> str:
-        """Return which line is which, where no title says so: joints have theirs."""
-        joints = {group.title for group in self.groups if group.color is not None}
-        lines = [line for line in chart.lines if line.role == "measured" and not line.run]
-        names = [line.label.removeprefix(self._runs[0].label).strip() for line in lines]
-        if len(names) < 2 or joints.issuperset(names):
-            return ""
-        shown = "".join(
-            f"<span>{line_sample(_class_of(line))}{escape(name)}</span>"
-            for line, name in zip(lines, names, strict=True)
-        )
-        return f'<span class="legend">{shown}</span>'
-
-
-def _class_of(line: ChartLine) -> str:
-    """Return the class of a line in a legend, which says how it is drawn."""
-    style = line_style(line.number)
-    return f"l{style.color}{' broken' if style.is_broken else ''}"
 
 
 def _said(chart: Chart) -> str:
@@ -172,6 +121,7 @@ class _Arrays:
         return {
             "title": chart.title,
             "unit": chart.unit,
+            "said": _said(chart),
             "scale": prefixed(chart.largest, chart.unit),
             "limits": chart.limits,
             "near": chart.is_near_limit,
@@ -187,8 +137,7 @@ class _Arrays:
             "label": line.label,
             "t": self._place(b"d", t.astype("<f8")),
             "y": self._place(b"f", values.astype("<f4")),
-            "wide": line.is_wide,
-            "dotted": line.role == "target",
+            "role": line.role,
             "color": style.color,
             "broken": style.is_broken,
             "run": line.run,

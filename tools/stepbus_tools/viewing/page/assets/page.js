@@ -116,13 +116,16 @@ const pointed = (type) => type === "mousemove" || type === "mouseleave";
 
 const dashes = [undefined, [6, 3], [2, 3], [8, 3, 2, 3]];
 
+const isWide = (line) => line.role === "reference" || line.role === "command";
+const isDotted = (line) => line.role === "target";
+
 function look(line) {
   const dash = line.run ? dashes[line.run % 4] : line.broken ? dashes[1] : undefined;
   return {
     label: line.label,
-    stroke: () => color("--c" + line.color) + (line.wide ? "59" : ""),
-    width: line.wide ? 5 : 1.6,
-    dash: line.dotted ? dashes[2] : dash,
+    stroke: () => color("--c" + line.color) + (isWide(line) ? "59" : ""),
+    width: isWide(line) ? 5 : 1.6,
+    dash: isDotted(line) ? dashes[2] : dash,
     spanGaps: true,
     points: { show: (u) => u.data[0].length < 3 },
     value: (_, y) => short(y) || "–",
@@ -152,7 +155,7 @@ function draw(element, chart, small = false) {
   };
   const dash = (_, i) => {
     const line = i ? chart.lines[i - 1] : {};
-    return line.dotted ? "dotted" : line.broken || line.run ? "dashed" : "solid";
+    return isDotted(line) ? "dotted" : line.broken || line.run ? "dashed" : "solid";
   };
   const end = report.end || 1;
   const options = {
@@ -177,7 +180,7 @@ function draw(element, chart, small = false) {
       { label: "t", value: (_, x) => (x === null ? "–" : x.toFixed(3) + " s") },
       ...chart.lines.map(look),
     ],
-    legend: { show: !small, markers: { width: (_, i) => (i && chart.lines[i - 1].wide ? 5 : 2), dash } },
+    legend: { show: !small, markers: { width: (_, i) => (i && isWide(chart.lines[i - 1]) ? 5 : 2), dash } },
     plugins: [marks(chart, factor, small)],
     hooks: small ? {} : { setSelect: [selected] },
   };
@@ -217,6 +220,58 @@ const near = new IntersectionObserver(
   (entries) => entries.forEach((one) => one.isIntersecting && thumb(one.target)),
   { rootMargin: "600px" },
 );
+
+function node(tag, className, ...inside) {
+  const made = document.createElement(tag);
+  made.className = className;
+  made.append(...inside);
+  return made;
+}
+
+// Which line is which, where no title says so: joints have theirs.
+function legend(chart) {
+  const joints = report.groups.filter((group) => group.color !== null).map((group) => group.title);
+  const lines = chart.lines.filter((line) => line.role === "measured" && !line.run);
+  const names = lines.map((line) => line.label.slice(report.first.length).trim());
+  if (names.length < 2 || names.every((name) => joints.includes(name))) return [];
+  const shown = lines.map((line, i) => {
+    const one = node("span", "");
+    const style = `l${line.color}${line.broken ? " broken" : ""}`;
+    one.innerHTML = `<svg viewBox="0 0 40 8" class="sample" aria-hidden="true"><path class="${style}" d="M0 4H40"/></svg>`;
+    one.append(names[i]);
+    return one;
+  });
+  return [node("span", "legend", ...shown)];
+}
+
+function cellOf(group, number, chart, index) {
+  const unit = chart.scale[1];
+  const small = node("div", "thumb");
+  const cell = node("details", "cell");
+  cell.dataset.chart = `${number}-${index}`;
+  cell.dataset.name = `${group.title} ${chart.title}`;
+  small.role = "img";
+  small.ariaLabel = `${cell.dataset.name} over time`;
+  const name = node("span", "name", chart.title + (unit ? ` [${unit}]` : ""));
+  const summary = [name, node("span", "most", chart.said), small, ...legend(chart)];
+  cell.append(node("summary", "", ...summary), node("div", "chart"));
+  return cell;
+}
+
+// So many charts share the width of the page.
+const full = 4;
+
+for (const [number, group] of report.groups.entries()) {
+  const title = node("h3", "", group.title);
+  if (group.color !== null) title.prepend(node("i", `swatch f${group.color}`));
+  const shown = group.charts.map((chart, index) => cellOf(group, number, chart, index));
+  const matrix = node("div", shown.length >= full ? "matrix full" : "matrix", ...shown);
+  const box = group.open
+    ? node("section", "group", title, matrix)
+    : node("details", "group", node("summary", "", title), matrix);
+  box.dataset.name = group.title;
+  document.getElementById("curves").append(box);
+}
 
 const cells = [...document.querySelectorAll(".cell")];
 for (const cell of cells) {
