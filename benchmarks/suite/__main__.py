@@ -64,7 +64,6 @@ def run(
 
 def measure(case: Case, environment: dict[str, str]) -> dict[str, Any]:
     """Return the figures of a case, and what the machine was doing meanwhile."""
-    stolen_s = machine.stolen_s()
     shown, long = run(case, case.steps, environment)
     _, short = run(case, case.few_steps, environment)
     steps = case.steps - case.few_steps
@@ -73,8 +72,6 @@ def measure(case: Case, environment: dict[str, str]) -> dict[str, Any]:
         "wake_ups": (long.ru_nvcsw - short.ru_nvcsw) / steps,
         "start_cpu_s": _cpu_s(short),
         "load": os.getloadavg()[0],
-        "stolen_s": machine.stolen_s() - stolen_s,
-        "ping_pong_us": machine.ping_pong_us(),
     }
 
 

@@ -65,12 +65,8 @@ def _line(name: str, rows: Sequence[Row], base: Sequence[Row]) -> str:
 
 def _machine(rows: Sequence[Row]) -> str:
     loads = [row["load"] for row in rows]
-    pings = sorted(row["ping_pong_us"] for row in rows)
     rounds = len({row["round"] for row in rows})
-    stolen_s = sum(row["stolen_s"] for row in rows)
     return (
         f"Medians of {rounds} interleaved rounds; ratios are those within a round. "
-        f"{rows[-1]['machine']}; load {min(loads):.1f} to {max(loads):.1f}; "
-        f"{stolen_s:.0f} s stolen by the host; ping-pong over a socket pair "
-        f"{statistics.median(pings):.0f} µs ({pings[0]:.0f} to {pings[-1]:.0f})."
+        f"{rows[-1]['machine']}; load {min(loads):.1f} to {max(loads):.1f}."
     )

@@ -85,21 +85,19 @@ class GoalSettings(Settings):
                 "afterwards; use go_to"
             )
             yield ("type",), text
+        rests_at_pose = self.position is not None and bool(self.tip)
+        is_placed = self.type == "back_to_rest" and rests_at_pose
         needs = {
             "position": self.type in _WITH_POSE and self.position is None,
             "tip": self.type in _WITH_POSE and not self.tip,
             "spiral": self.type == "spiral" and self.spiral is None,
-            "joints": self.type in _WITH_JOINTS and not (self.joints or self._rests_at_pose),
+            "joints": self.type in _WITH_JOINTS and not (self.joints or is_placed),
             "base": self.type == "go_to" and self.base is None,
             "force": self.type == "grip" and not self.force,
         }
         for key, is_missing in needs.items():
             if is_missing:
                 yield (key,), f"is missing; a goal of type {self.type} needs it"
-
-    @property
-    def _rests_at_pose(self) -> bool:
-        return self.type == "back_to_rest" and self.position is not None and bool(self.tip)
 
     def goal(self, number: int) -> Goal:
         """Return the goal with an id."""

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from queue import SimpleQueue
-from typing import Any, Protocol
+from typing import Any
 
 from benchmarks.suite.clock import Clock
 
@@ -25,24 +25,12 @@ CREDIT = WINDOW // 2
 PARTICIPANTS = ("plant", "controller", "mission")
 
 
-class Wire(Protocol):
-    """What both chains need: put to all listeners, get from one participant."""
-
-    def put(self, data: bytes) -> None:
-        """Send to every listener."""
-
-    def grant(self) -> None:
-        """Advance the mission by half a window."""
-
-    def get(self, participant: str) -> bytes:
-        """Return the next message of a participant."""
-
-    def close(self) -> None:
-        """Close."""
-
-
 class ZenohWire:
-    """The chain over Zenoh, on the same transport as stepbus."""
+    """The chain over Zenoh, on the same transport as stepbus.
+
+    put: send to every listener. grant: advance the mission by half a window. get: the next message
+    of a participant.
+    """
 
     def __init__(self, name: str, hears: tuple[str, ...], folder: str) -> None:
         addresses = [f"unixsock-stream/{folder}/{participant}.sock" for participant in PARTICIPANTS]
@@ -105,6 +93,7 @@ class ZmqWire:
             socket.close(0)
 
 
+Wire = ZenohWire | ZmqWire
 WIRES: dict[str, Callable[[str, tuple[str, ...], str], Wire]] = {
     "zenoh": ZenohWire,
     "pyzmq": ZmqWire,

@@ -44,7 +44,8 @@ def narrow(store: StoreState) -> Goal:
 def inspect(store: StoreState) -> Goal:
     """Move the open gripper above the item's expected position."""
     _, item = store.now
-    return _above(store, item.top + store.settings.view_height)
+    height = item.top + store.settings.view_height
+    return _pose(store, "move_to_pose", store.expected(), height)
 
 
 def approach(store: StoreState) -> Goal:
@@ -99,7 +100,9 @@ def reverse(store: StoreState) -> Goal:
 def home(store: StoreState) -> Goal:
     """Drive home with the item."""
     sale, _ = store.now
-    return _go_to(store, store.in_odometry(store.settings.home_spot.ahead(sale.aside)))
+    x, y, yaw = store.settings.home
+    spot = Spot(x=x, y=y, yaw=yaw).ahead(sale.aside)
+    return _go_to(store, store.in_odometry(spot))
 
 
 def above(store: StoreState) -> Goal:
@@ -200,10 +203,6 @@ GOALS: Mapping[str, MakeGoal] = {
     "bring": _beside(above),
 }
 """State → its goal; the other states send none."""
-
-
-def _above(store: StoreState, height: float) -> Goal:
-    return _pose(store, "move_to_pose", store.expected(), height)
 
 
 def _pose(

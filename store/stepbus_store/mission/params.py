@@ -220,12 +220,6 @@ class Params(Settings):
             if order.type and order.type not in types:
                 yield ("orders", number), unknown_type(order.type, types)
 
-    @property
-    def home_spot(self) -> Spot:
-        """Return where the base stands before the outlet."""
-        x, y, yaw = self.home
-        return Spot(x=x, y=y, yaw=yaw)
-
     def outlet_spot(self, number: int, planned: int) -> Spot:
         """Return the spot of an order in the outlet; number: counted from 0.
 

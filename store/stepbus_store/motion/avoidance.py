@@ -258,7 +258,8 @@ class Avoidance:
         near, room = self._nearest
         if near is None or (near.pair == left.pair and not self._is_apart):
             return ""
-        return str(near) if _comes(near, room) and room < self._settings.stop_within else ""
+        comes = near.gap - room > _COMES and room < self._settings.stop_within
+        return str(near) if comes else ""
 
     def approach(self, goal: Goal, part: Part, t: float) -> Outcome | None:
         """Stop a base for what is in its way, or too close; return the end of its goal."""
@@ -364,11 +365,6 @@ class Avoidance:
     def _give_up(self, part: Part, text: str, t: float, cause: Cause = Cause.NO_PATH) -> Outcome:
         self._parts.rest(part, t, touches=self.is_urgent)
         return Outcome(state="failed", cause=cause, text=text)
-
-
-def _comes(near: Approach, left: float) -> bool:
-    """Return whether two links come closer; left: of their gap after the hardest stop [m]."""
-    return near.gap - left > _COMES
 
 
 def _gap(watch: Watch) -> str:

@@ -327,7 +327,8 @@ class BaseMotion:
         return abs(state.vx) <= _STILL and abs(state.wz) <= _STILL_TURNING
 
     def _is_lost(self, error: TrackingError) -> bool:
-        return error.exceeds(self._params.base_lag, self._params.base_lag_angle)
+        lag = max(abs(error.along), abs(error.across))
+        return lag > self._params.base_lag or abs(error.angle) > self._params.base_lag_angle
 
     def _reference(self, drive: _Drive) -> Reference:
         s, speed, _ = drive.now()
@@ -383,15 +384,14 @@ class BaseMotion:
         """Start the next segment, once nothing is under way; none left: all is done."""
         while self._drive is None and self._halt is None and self._waiting:
             segment = self._waiting.popleft()(self.state)
-            if segment is not None and not self._is_slight(segment):
+            # A small turn the base makes while it stands.
+            if segment is not None and not (
+                segment.turns and abs(segment.length) < self._params.base_angle / 2
+            ):
                 start, goal = JointMotion.at_rest(np.zeros(1)), np.array([segment.length])
                 limits = limits_of(self._params, segment)
                 self._drive = _Drive(segment=segment, profile=motion_to(start, goal, limits))
         self._done = self._drive is None and self._halt is None
-
-    def _is_slight(self, segment: Segment | Curve) -> bool:
-        """Return whether a turn is so small that the base gets there while it stands."""
-        return segment.turns and abs(segment.length) < self._params.base_angle / 2
 
     def _brake(self, drive: _Drive, *, hard: bool = False) -> None:
         """Bring the reference of a segment to rest, from the speed that it has now."""

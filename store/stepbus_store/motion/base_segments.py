@@ -120,7 +120,8 @@ class Curve:
 
     def at(self, s: float, speed: float) -> Reference:
         """Return the reference after s of the length, at a speed along it."""
-        n = self._arc(s)
+        after = int(np.searchsorted(self._ends, abs(s), side="right"))
+        n = min(after - 1, len(self._curvature) - 1)
         x, y, yaw = map(float, self._poses[n])
         along, curvature = s - float(self._s[n]), float(self._curvature[n])
         turn = curvature * along
@@ -131,10 +132,6 @@ class Curve:
     def shown(self, s: float) -> str:
         """Return a length with its unit."""
         return f"{s:.3f} m"
-
-    def _arc(self, s: float) -> int:
-        index = int(np.searchsorted(self._ends, abs(s), side="right")) - 1
-        return min(index, len(self._curvature) - 1)
 
 
 PlannedSegment = Callable[[BaseState], Segment | Curve | None]

@@ -25,10 +25,6 @@ class TrackingError(NamedTuple):
     across: float
     angle: float
 
-    def exceeds(self, lag: float, lag_angle: float) -> bool:
-        """Return whether the base is further from its reference [m, rad]."""
-        return max(abs(self.along), abs(self.across)) > lag or abs(self.angle) > lag_angle
-
 
 def tracking_error(wanted: Reference, state: BaseState) -> TrackingError:
     """Return where the reference is in the frame of the base."""

@@ -49,8 +49,9 @@ class Companion:
         self.navigator.is_accompanied = True
         if self.phase == "waits for a route" and self.navigator.has_route:
             self._ask(now, t)
-        elif self.phase == "asked" and self.arm.is_ready and self._may_move():
-            self._move()
+        elif self.phase == "asked" and self.arm.is_ready:
+            if not self.arrives or (self.navigator.drives and self.base.remaining <= _ARRIVES):
+                self._move()
         elif self.phase == "postponed" and not self.arrives and not self.base.is_moving:
             self._alone(now, t)
 
@@ -111,10 +112,6 @@ class Companion:
             return [pose for left, pose in ahead if left <= _ARRIVES]
         length = ahead[0][0]
         return [pose for left, pose in reversed(ahead) if length - left <= _LEAVES]
-
-    def _may_move(self) -> bool:
-        drives = self.navigator.drives
-        return drives and self.base.remaining <= _ARRIVES if self.arrives else True
 
     def _move(self) -> None:
         self.phase = "moves"

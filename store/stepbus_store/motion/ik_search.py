@@ -121,7 +121,9 @@ class InverseKinematics:
             for q in self._starts(tip, start)
         )
         best, count = next(attempts), 1
-        while best.verdict != "reached" and not self._is_hopeless(best, count):
+        while best.verdict != "reached":
+            if best.verdict == "unreachable" and count >= _HOPELESS_AFTER:
+                break
             solution = next(attempts, None)
             if solution is None:
                 break
@@ -131,9 +133,6 @@ class InverseKinematics:
             closest = self._descend(tip, target, best.q, _CLOSEST)
             best = self._judge(tip, closest, target)
         return best
-
-    def _is_hopeless(self, best: Solution, count: int) -> bool:
-        return best.verdict == "unreachable" and count >= _HOPELESS_AFTER
 
     def _starts(self, tip: str, start: Vector) -> Iterator[Vector]:
         chain, robot = self._robot.chain(tip), self._robot

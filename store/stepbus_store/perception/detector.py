@@ -112,12 +112,6 @@ def is_sunk(scene: Scene, others: Mask, item: Detection, item_type: ItemType) ->
     return int((pixels >= _FEW).sum()) >= _SIDES
 
 
-def _covers(item: Detection, item_type: ItemType, points: Vector) -> Mask:
-    """Return which points, shape (n, 3) [m], are of an upright item, or under it."""
-    covered: Mask = _beyond(item, item_type, points) < MARGIN
-    return covered
-
-
 def _beyond(item: Detection, item_type: ItemType, points: Vector) -> Vector:
     """Return how far beside an upright item points are, shape (n, 3) [m]; below 0: over it."""
     axes = rotation(turn_about_z(item.yaw))
@@ -134,7 +128,7 @@ def lying(
     free = np.ones(len(points), dtype=bool)
     by_name = {item_type.name: item_type for item_type in types}
     for item in upright:
-        free &= ~_covers(item, by_name[item.type], points)
+        free &= _beyond(item, by_name[item.type], points) >= MARGIN
     left = np.zeros(among.shape, dtype=np.uint8)
     left[rows[free], columns[free]] = 1
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(left, connectivity=8)

@@ -105,15 +105,12 @@ class Perception(Participant):
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return new detections when they are due."""
         if self._mount is None:
-            detections = self._from_truth(step)
+            poses = step.get(self._poses_port, Poses)
+            due = (step.index // self.config.every) % self._every == 0
+            detections = self._truth.detections(poses) if due and poses is not None else None
         else:
             detections = self._from_images(step, self._mount)
         return {} if detections is None else {self._detections_port: detections}
-
-    def _from_truth(self, step: Step) -> Detections | None:
-        poses = step.get(self._poses_port, Poses)
-        due = (step.index // self.config.every) % self._every == 0
-        return self._truth.detections(poses) if due and poses is not None else None
 
     def _from_images(self, step: Step, mount: CameraMount) -> Detections | None:
         port = self._request_port

@@ -62,7 +62,12 @@ class Truth:
         indices = [index for index, _ in self._items]
         origin, orientation = poses.position[self._frame], poses.orientation[self._frame]
         axes = rotation(orientation)
-        centres = [self._centre(poses, index, name) - origin for index, name in self._items]
+        centres = [
+            poses.position[index]
+            + rotation(poses.orientation[index]) @ self._centres[name]
+            - origin
+            for index, name in self._items
+        ]
         return Detections(
             frame=self._name,
             types=[name for _, name in self._items],
@@ -70,9 +75,3 @@ class Truth:
             orientation=[inverse_times(orientation, poses.orientation[n]) for n in indices],
             confidence=[1.0] * len(indices),
         )
-
-    def _centre(self, poses: Poses, index: int, item_type: str) -> Vector:
-        """Return the centre of an item in the world, shape (3,) [m]."""
-        offset = rotation(poses.orientation[index]) @ self._centres[item_type]
-        centre: Vector = poses.position[index] + offset
-        return centre

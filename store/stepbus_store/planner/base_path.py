@@ -123,7 +123,8 @@ class BasePlanner:
                     return route, _detour(corners)
         if corners is None:
             return None, ""
-        return _with_corners(start, goal, corners), _detour(corners)
+        rows = [(float(p[0]), float(p[1]), goal[2]) for p in corners[1:]]
+        return SmoothRoute(poses=(start, *rows), seconds=0.0), _detour(corners)
 
     def _is_clear(self, route: SmoothRoute, outlines: Sequence[Outline]) -> bool:
         """Return whether the base may drive along a route; where it turns, its disc counts."""
@@ -216,12 +217,6 @@ def _ends(request: PlanRequest) -> tuple[Point, Point]:
 def _detour(corners: Sequence[Vector]) -> str:
     bends = len(corners) - 2
     return f"detour with {bends} corner{'s' if bends > 1 else ''}"
-
-
-def _with_corners(start: Point, goal: Point, corners: Sequence[Vector]) -> SmoothRoute:
-    """Return a route that turns on the spot at each corner."""
-    rows = [(float(p[0]), float(p[1]), goal[2]) for p in corners[1:]]
-    return SmoothRoute(poses=(start, *rows), seconds=0.0)
 
 
 def _a_star(grid: Any, first: Any, last: Any) -> list[tuple[int, int]] | None:

@@ -176,7 +176,9 @@ class RoundTrip(Participant):
             return {self._goal_port: self._goal, **_events(self._event_port, log)}
         self._is_done = True
         step.end("all poses have been gone to")
-        rows = [self._summary(arm) for arm in self._params.arms]
+        degrees = math.degrees(self._params.orientation_tolerance)
+        within = f"{self._params.position_tolerance * 1e3:g} mm and {degrees:.1f}°"
+        rows = [summary(arm, row, self._rejected[arm], within) for arm, row in self._trips.items()]
         if self._summary_port == self._event_port:
             return _events(self._event_port, [*log, *rows])
         return {**_events(self._event_port, log), **_events(self._summary_port, rows)}
@@ -261,11 +263,6 @@ class RoundTrip(Participant):
         self._trips[self._arm].append(trip)
         self._must_go_home = not trip.is_good and self._arm in params.home
         return trip
-
-    def _summary(self, arm: str) -> LogEntry:
-        degrees = math.degrees(self._params.orientation_tolerance)
-        tolerance = f"{self._params.position_tolerance * 1e3:g} mm and {degrees:.1f}°"
-        return summary(arm, self._trips[arm], self._rejected[arm], tolerance)
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that the poses depend on."""

@@ -65,14 +65,10 @@ class ArmController(Participant):
         if self._status_port is not None:
             described[self._status_port] = Description(names=names)
         if self._smoothed_port is not None:
-            delay = [f"{self._delay * 1e3:.1f} ms"] * len(names)
+            delay_s = self._smoother.delay if self._smoother is not None else 0.0
+            delay = [f"{delay_s * 1e3:.1f} ms"] * len(names)
             described[self._smoothed_port] = Description(names=names, details={"delay": delay})
         return described
-
-    @property
-    def _delay(self) -> float:
-        """Return the delay of the measurements [s]."""
-        return self._smoother.delay if self._smoother is not None else 0.0
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Map the joints by name and take the plant's effort limits.

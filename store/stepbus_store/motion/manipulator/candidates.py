@@ -24,12 +24,6 @@ ODOMETRY = "odometry"
 """Frame of a goal: the base's pose at the start."""
 
 
-def base_in_odometry(base: BaseState) -> Any:
-    """Return the pose of the base in the frame of odometry, a `pinocchio.SE3`."""
-    turn = pin.Quaternion(math.cos(base.yaw / 2), 0.0, 0.0, math.sin(base.yaw / 2))
-    return pin.SE3(turn.matrix(), np.array([base.x, base.y, 0.0]))
-
-
 def frame_in_base(robot: RobotModel, q: Vector, base: BaseState, frame: str) -> Any:
     """Return the pose of a goal's frame in the robot's base, a `pinocchio.SE3`.
 
@@ -37,7 +31,8 @@ def frame_in_base(robot: RobotModel, q: Vector, base: BaseState, frame: str) -> 
     unknown one.
     """
     if frame == ODOMETRY:
-        return base_in_odometry(base).inverse()
+        turn = pin.utils.rotate("z", base.yaw)
+        return pin.SE3(turn, np.array([base.x, base.y, 0.0])).inverse()
     try:
         return robot.frame_pose(q, frame)
     except RunError as exc:
