@@ -14,7 +14,6 @@ import re
 import signal
 import warnings
 from collections.abc import Callable, Collection, Iterator
-from typing import Any
 
 from stepbus_schemas import RunError
 
@@ -30,9 +29,6 @@ _PR_SET_PDEATHSIG = 1
 _ALL = 2**31 - 1
 _TEXT = 1000
 _DONE, _FAILED = 1, 2
-
-_prctl: Any = getattr(ctypes.CDLL(None), "prctl", None)
-"""Linux only: no other system makes copies."""
 
 
 class Copy:
@@ -58,7 +54,7 @@ class Copy:
         try:
             # A finalizer would wait for threads that are not in the copy.
             gc.disable()
-            _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
             if os.getppid() != parent:
                 return
             os.closerange(0, _ALL)

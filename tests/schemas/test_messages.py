@@ -29,7 +29,7 @@ from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Endpoint, Ticket
 from stepbus_participant.session.admission import join
-from stepbus_participant.session.control import Control, OrchestratorLost, Watch
+from stepbus_participant.session.control import Control, OrchestratorLost, watched_orders
 from stepbus_participant.session.inputs import Input, PeerFault, make_sources
 from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode
 
@@ -157,7 +157,7 @@ WELCOME = Welcome(
 @pytest.mark.parametrize("key", TO_PARTICIPANTS)
 def test_a_participant_counts_every_mutant_of_the_orchestrators_word(key):
     bus, mutator = HandBus(), Mutator(5)
-    control = Control(bus, WELCOME, Watch(bus), [], drops := {})
+    control = Control(bus, WELCOME, watched_orders(bus), [], drops := {})
     for _ in range(PER_KEY):
         bus.hand(Sample(key, mutator.broken(envelopes()[key])))
     control.enter(0)
@@ -167,9 +167,9 @@ def test_a_participant_counts_every_mutant_of_the_orchestrators_word(key):
 
 def test_a_participant_hears_of_an_orchestrator_that_died_before_the_welcome_was_read():
     bus = HandBus()
-    watch = Watch(bus)
+    orders = watched_orders(bus)
     bus.sinks["alive/orchestrator"]("alive/orchestrator", False)
-    control = Control(bus, WELCOME, watch, [], {})
+    control = Control(bus, WELCOME, orders, [], {})
     with pytest.raises(OrchestratorLost):
         control.wait(10.0)
 

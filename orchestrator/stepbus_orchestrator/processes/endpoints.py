@@ -109,7 +109,7 @@ def make_mesh(
         settings = certificates(names, folder)
         if run is not None:
             access = _access_control(run, listening[1:], "cert_common_names")
-    users = passwords(names)
+    users = {name: secrets.token_hex(16) for name in names}
     guarded = {"access_control": access} if access else {}
     endpoints = {
         name: Endpoint(
@@ -171,11 +171,6 @@ def _ports(base: int | None, count: int, held: contextlib.ExitStack) -> list[int
 
 
 # --- credentials ---------------------------------------------------------------------------
-
-
-def passwords(names: Iterable[str]) -> dict[str, str]:
-    """Return a random password for each name."""
-    return {name: secrets.token_hex(16) for name in names}
 
 
 def certificates(names: Iterable[str], folder: Path) -> dict[str, dict[str, Any]]:

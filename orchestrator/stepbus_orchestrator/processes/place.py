@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,8 +26,6 @@ def core_of(pid: int) -> int | None:
 
     None where it is not to be moved: there is one core only, or it has chosen cores or a policy.
     """
-    if sys.platform != "linux":
-        return None
     ours = os.sched_getaffinity(0)
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
@@ -40,8 +37,6 @@ def core_of(pid: int) -> int | None:
 
 def place_threads(pid: int, place: Place) -> None:
     """Place all threads of a process; what it starts from now on runs as they do."""
-    if sys.platform != "linux":
-        return
     cores = os.sched_getaffinity(0) if place.core is None else {place.core}
     policy = os.SCHED_BATCH if place.yields else os.SCHED_OTHER
     # Each thread may have ended meanwhile, and so may the process.

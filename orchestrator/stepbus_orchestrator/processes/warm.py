@@ -10,7 +10,6 @@ import ctypes
 import os
 import socket
 import subprocess
-import sys
 import threading
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -126,7 +125,7 @@ def warm_parent(classes: Collection[str] | None = None, *, runs: int = 1) -> Ite
     packages are loaded once.
     """
     global _parent  # noqa: PLW0603  (a run knows nothing of those that follow)
-    is_able = sys.platform == "linux" and not any(name in os.environ for name in _COVERAGE)
+    is_able = not any(name in os.environ for name in _COVERAGE)
     made = None
     if _parent is None and is_able and (classes is None or len(classes) > 1):
         with contextlib.suppress(OSError):

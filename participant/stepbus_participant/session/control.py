@@ -54,38 +54,31 @@ class OrchestratorLost(RunError, ConnectionError):
     """The orchestrator died, or the link to it broke."""
 
 
-class Watch:
-    """Watches whether the orchestrator lives, from before a participant asks to join (P4.4).
+def watched_orders(bus: Bus) -> Queue:
+    """Return a queue for the orchestrator's orders, which shows its death from now on (P4.4).
 
-    One that looked after its `Welcome` would wait for ever, had the orchestrator died in between.
+    From before a participant asks to join: one that looked after its `Welcome` would wait for ever,
+    had the orchestrator died in between.
     """
+    orders = bus.queue()
 
-    def __init__(self, bus: Bus) -> None:
-        self._is_lost = False
-        self._on_lost: Callable[[], None] = lambda: None
-        bus.watch_alive("alive/orchestrator", self._on_alive)
-
-    def _on_alive(self, _key: str, alive: bool) -> None:
+    def on_alive(_key: str, alive: bool) -> None:
         if not alive:
-            self._is_lost = True
-            self._on_lost()
+            orders.put((_LOST, b""))
 
-    def call(self, on_lost: Callable[[], None]) -> None:
-        """Call a function, maybe twice, once the orchestrator has died or the link to it broke."""
-        self._on_lost = on_lost
-        if self._is_lost:
-            on_lost()
+    bus.watch_alive("alive/orchestrator", on_alive)
+    return orders
 
 
 class Control:
     """The orchestrator's newest orders, and the answers to its calls.
 
-    watch: of the orchestrator. wake: queues of a participant that waits for an input. drops: cause
-    → number of dropped messages, of those that are malformed or without the run's token (P8.4).
-    step_limit: the first step not yet released. started: participant → input → description, once
-    the run has started. batches: participant → how many steps it may publish at once. slots: bulk
-    outputs of its own that go through slots, with their number. calls: those
-    to answer while waiting for the trigger. methods: that can be called, by name.
+    orders: as of `watched_orders`. wake: queues of a participant that waits for an input. drops:
+    cause → number of dropped messages, of those that are malformed or without the run's token
+    (P8.4). step_limit: the first step not yet released. started: participant → input → description,
+    once the run has started. batches: participant → how many steps it may publish at once. slots:
+    bulk outputs of its own that go through slots, with their number. calls: those to answer while
+    waiting for the trigger. methods: that can be called, by name.
 
     A stop can overtake the last inputs, which arrive over other links. So it takes effect when
     `enter` reaches its step: what is published before that step belongs to the run (P11.2).
@@ -95,7 +88,7 @@ class Control:
         self,
         bus: Bus,
         welcome: Welcome,
-        watch: Watch,
+        orders: Queue,
         wake: Iterable[Queue],
         drops: dict[str, int],
     ) -> None:
@@ -113,11 +106,10 @@ class Control:
         self._newest_id, self._newest_answer = -1, b""
         self._put_answer = bus.publisher(f"called/{welcome.name}", encoding_of("Called/1"))
         self._wake = list(wake)
-        self._queue = bus.queue()
+        self._queue = orders
         for key in _DECODERS:
             where = f"call/{welcome.name}" if key == "call" else key
             bus.subscribe_content(where, partial(self._put, key))
-        watch.call(lambda: self._put(_LOST, b""))
 
     def _put(self, key: str, data: bytes) -> None:
         """Queue a message, and wake a participant that waits for an input."""

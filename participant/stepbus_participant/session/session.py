@@ -6,7 +6,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from stepbus_participant.bus import Bus, BusError
+from stepbus_participant.bus import Bus, BusError, Queue
 from stepbus_participant.bus.slots import Slots
 from stepbus_participant.bus.ticket import Ticket
 from stepbus_participant.config import Config
@@ -27,7 +27,7 @@ from stepbus_schemas import (
 )
 
 from .admission import await_delivery, await_start, declared_ports, join
-from .control import Control, OrchestratorLost, Stopped, Watch
+from .control import Control, OrchestratorLost, Stopped, watched_orders
 from .inputs import Input, PeerFault, make_sources
 from .outbox import Outbox, OutputError, names_of
 from .profile import Profiler
@@ -49,17 +49,17 @@ def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
     Raises StepbusError when this participant cannot continue; the orchestrator knows why.
     """
     bus.declare_alive(f"alive/{ticket.name}")
-    watch = Watch(bus)
+    orders = watched_orders(bus)
     ports = declared_ports(factory)
     welcome = join(bus, ticket, *ports)
-    Session(factory, ticket, welcome, bus, Types(welcome.types) | ports.types, watch=watch).work()
+    Session(factory, ticket, welcome, bus, Types(welcome.types) | ports.types, orders=orders).work()
 
 
 class Session:
     """Runs one participant from its `Welcome` on.
 
     factory: makes the participant from its configuration. types: of the run, and of its own
-    classes.
+    classes. orders: as of `watched_orders`.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Session:
         bus: Bus,
         types: Types,
         *,
-        watch: Watch,
+        orders: Queue,
     ) -> None:
         self._factory = factory
         self._ticket = ticket
@@ -86,7 +86,7 @@ class Session:
             for port, queue in source.bulk_queues.items():
                 bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
             wake += [source.queue, *source.bulk_queues.values()]
-        self._control = Control(bus, welcome, watch, wake, drops)
+        self._control = Control(bus, welcome, orders, wake, drops)
         self._slots = Slots(ticket.slots, welcome)
         order = ticket.profile
         self._profiler = None if order is None else Profiler(order, welcome.name)
