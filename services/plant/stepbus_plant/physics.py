@@ -16,7 +16,7 @@ from stepbus_plant.engine import BASE, Gear, Link, Loading, PhysicsError
 from stepbus_plant.engines import default_engine, open_engine
 from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
-from stepbus_plant.models import loadable, pairs_without_collision
+from stepbus_plant.models import hindered, loadable, pairs_without_collision
 from stepbus_plant.params import Params
 from stepbus_plant.stock import fitted
 from stepbus_plant.world import Body, JointSettings
@@ -61,6 +61,7 @@ class Physics:
         self._followers: dict[Link, list[Joint]] = {}
         self._items: list[int] = []
         self._coupled: set[int] = set()
+        self._loose: set[Link] = set()
         self._number = next(_NUMBERS)
         _OPEN[self._number] = self
         try:
@@ -152,8 +153,9 @@ class Physics:
                 for joint in robot.joints
                 if body.joints.get(joint, _OWN).mimic is not False
             }
+            loose = hindered(robot) & followed.keys() if robot.format == "urdf" else set()
             number = self.engine.load(
-                loadable(robot, [joint for joint, mimic in followed.items() if mimic]),
+                loadable(robot, loose),
                 (body.position, quaternion(body.orientation_rpy)),
                 Loading(
                     friction,
@@ -174,6 +176,8 @@ class Physics:
         self.notes += [(f"body {name}", note) for note in (*warnings, *self.engine.notes(number))]
         if robot.format == "mjcf":
             self._coupled.add(number)
+        names = self.engine.joints(number)
+        self._loose |= {(number, names.index(joint)) for joint in loose}
         joints = self._joints_of(number, name, body, followed)
         self.fixed |= {joint.name for joint in robot.joints.values() if joint.type == "fixed"}
         if self.world.sleeping:
@@ -269,9 +273,8 @@ class Physics:
         engine = self.engine
         for joint in self.joints.values():
             where = joint.body, joint.index
-            is_led = joint.mimic is not None and joint.body not in self._coupled
-            # Stops of a follower would fight its leader, which has stops itself.
-            stops = (-math.inf, math.inf) if is_led else (joint.lower, joint.upper)
+            is_loose = where in self._loose
+            stops = (-math.inf, math.inf) if is_loose else (joint.lower, joint.upper)
             engine.set_joint(*where, damping=joint.damping, lower=stops[0], upper=stops[1])
             self.teleport(joint, joint.start, joint.start_velocity)
             engine.turn(joint.body, [joint.index], [0.0], [joint.friction])
