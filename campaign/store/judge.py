@@ -152,8 +152,8 @@ def _touches(log: SaleLog, result: Mapping[str, Any], excused: Excuses) -> Itera
         is_grip = any(link in _PADS for link in key) and set(others) <= {*items, "outlet_top"}
         is_reported = any(all(link in text for link in key) for text in reports)
         if steps > _FOR_STEPS and not is_grip and not is_reported:
-            pair = " and ".join(sorted(key))
-            yield f"{pair} touched with {most[key]:.0f} N for {steps} steps, and nothing says so"
+            touched = " and ".join(sorted(key))
+            yield f"{touched} touched with {most[key]:.0f} N for {steps} steps, and nothing says so"
 
 
 def _afterwards(log: SaleLog, text: str) -> Iterator[str]:
