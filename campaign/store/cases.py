@@ -44,7 +44,7 @@ class Case:
         what = (
             f"kill {self.killed} at {self.at_step}"
             if self.killed
-            else self.fault or _in_words(self.script)
+            else self.fault or "; ".join(map(_flow, self.script[:3])) or "undisturbed"
         )
         where = f"{self.scenario}, stock {self.seed}, {self.order}"
         return f"#{self.number} {self.family}: {where}; {what}"
@@ -73,10 +73,6 @@ def _flow(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _in_words(script: Sequence[Action]) -> str:
-    return "; ".join(_flow(action) for action in script[:3]) or "undisturbed"
 
 
 def cases(count: int, seed: int) -> list[Case]:

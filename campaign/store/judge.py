@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from .log import SaleLog
@@ -144,13 +144,16 @@ def _touches(log: SaleLog, result: Mapping[str, Any], excused: Excuses) -> Itera
     for item, far in _MOVED.findall(result["reason"]):
         if not any(item in key for key in most):
             yield f"it says the sale failed for {item}, {far} mm; the robot never touched it"
-    ours, items = set(log.names.get("plant/contacts", ())), _items(log)
+    ours, links = set(log.names.get("plant/contacts", ())), log.names.get("plant/poses", ())
+    # Their names are `<type>_<row>_<number>`.
+    items = {name for name in links if re.fullmatch(r"[a-z]+_[ab]\d_\d+", name)}
     for key, steps in longest.items():
         others = [link for link in key if link not in ours]
         is_grip = any(link in _PADS for link in key) and set(others) <= {*items, "outlet_top"}
-        if steps > _FOR_STEPS and not is_grip and not _is_reported(key, reports):
-            links = " and ".join(sorted(key))
-            yield f"{links} touched with {most[key]:.0f} N for {steps} steps, and nothing says so"
+        is_reported = any(all(link in text for link in key) for text in reports)
+        if steps > _FOR_STEPS and not is_grip and not is_reported:
+            touched = " and ".join(sorted(key))
+            yield f"{touched} touched with {most[key]:.0f} N for {steps} steps, and nothing says so"
 
 
 def _afterwards(log: SaleLog, text: str) -> Iterator[str]:
@@ -165,16 +168,6 @@ def _afterwards(log: SaleLog, text: str) -> Iterator[str]:
         now = [distance for pair, distance in pairs if set(pair) == {one, other}]
         if now and abs(now[0] - 1e-3 * float(gap)) > _SAME_GAP:
             yield f"it says {one} is {gap} mm from {other}; it is {now[0] * 1e3:.1f} mm"
-
-
-def _is_reported(links: frozenset[str], reports: Sequence[str]) -> bool:
-    return any(all(link in text for link in links) for text in reports)
-
-
-def _items(log: SaleLog) -> set[str]:
-    """Return the names of items: `<type>_<row>_<number>`."""
-    links = log.names.get("plant/poses", ())
-    return {name for name in links if re.fullmatch(r"[a-z]+_[ab]\d_\d+", name)}
 
 
 def _blame(result: Mapping[str, Any], killed: str) -> Iterator[str]:

@@ -70,7 +70,9 @@ def _add(excused: Excuses, log: SaleLog, ours: set[str], body: str, row: Row) ->
         if len(mine) != 1 or len(others) != 1:
             continue
         speed = _speed(log, mine[0], step)
-        bound = _stop(speed, BASE_BRAKE if mine[0] in _BASE else ARM_BRAKE)
+        brake = BASE_BRAKE if mine[0] in _BASE else ARM_BRAKE
+        # How far it goes until it stands.
+        bound = speed * REACTION_S + speed**2 / (2.0 * brake)
         if gap <= 0.0:
             excused.overlaps = step if excused.overlaps is None else min(excused.overlaps, step)
             excused.texts.append(f"{others[0]} was put into {mine[0]} at step {step}")
@@ -84,11 +86,6 @@ def _add(excused: Excuses, log: SaleLog, ours: set[str], body: str, row: Row) ->
                 f"{others[0]} appeared {gap * 1e3:.0f} mm from {mine[0]}, which needed "
                 f"{bound * 1e3:.0f} mm to stop from {speed:.2f} m/s"
             )
-
-
-def _stop(speed: float, brake: float) -> float:
-    """Return how far something goes until it stands [m]."""
-    return speed * REACTION_S + speed**2 / (2.0 * brake)
 
 
 def _speed(log: SaleLog, link: str, step: int) -> float:
