@@ -112,7 +112,7 @@ def test_a_filter_keeps_what_has_all_its_words(recording):
             return page.locator(".cell:visible .name").all_text_contents()
 
         # Folded, it says which line is which; those of joints are told by their titles.
-        legends = page.locator(".cell .legend").all_inner_texts()
+        legends = page.locator(".cell .legend").all_text_contents()
         assert "left" in legends[-1]
         assert not any("hip" in one for one in legends)
         every = left()

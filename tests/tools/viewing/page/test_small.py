@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stepbus_tools.report.charts import Chart, ChartLine
-from stepbus_tools.viewing.page.curves_html import _said
+from stepbus_tools.viewing.page.curve_data import _said
 
 TIMES = np.array([0.0, 1.0])
 

@@ -24,7 +24,7 @@ from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.whole_file import replaced
 
 from .content import RunPage
-from .curves_html import Curves
+from .curve_data import Curves
 from .head import head
 
 PAGE_FILE = "report.html"

@@ -228,19 +228,25 @@ function node(tag, className, ...inside) {
   return made;
 }
 
+// How lines of some classes are drawn, and what they are of.
+function sample(style, text) {
+  const made = node("span", "");
+  made.innerHTML = `<svg viewBox="0 0 40 8" class="sample" aria-hidden="true"><path class="${style}" d="M0 4H40"/></svg>`;
+  made.append(text);
+  return made;
+}
+
+const joints = report.groups.filter((group) => group.color !== null);
+
 // Which line is which, where no title says so: joints have theirs.
 function legend(chart) {
-  const joints = report.groups.filter((group) => group.color !== null).map((group) => group.title);
+  const titles = joints.map((group) => group.title);
   const lines = chart.lines.filter((line) => line.role === "measured" && !line.run);
-  const names = lines.map((line) => line.label.slice(report.first.length).trim());
-  if (names.length < 2 || names.every((name) => joints.includes(name))) return [];
-  const shown = lines.map((line, i) => {
-    const one = node("span", "");
-    const style = `l${line.color}${line.broken ? " broken" : ""}`;
-    one.innerHTML = `<svg viewBox="0 0 40 8" class="sample" aria-hidden="true"><path class="${style}" d="M0 4H40"/></svg>`;
-    one.append(names[i]);
-    return one;
-  });
+  const names = lines.map((line) => line.label.slice(report.runs[0].length).trim());
+  if (names.length < 2 || names.every((name) => titles.includes(name))) return [];
+  const shown = lines.map((line, i) =>
+    sample(`l${line.color}${line.broken ? " broken" : ""}`, names[i]),
+  );
   return [node("span", "legend", ...shown)];
 }
 
@@ -257,6 +263,19 @@ function cellOf(group, number, chart, index) {
   cell.append(node("summary", "", ...summary), node("div", "chart"));
   return cell;
 }
+
+// Which line is which run's, and which colour which joint's.
+function names() {
+  if (!report.groups.length || !report.runs[0]) return [];
+  const runs = report.runs.map((run, i) => sample(i ? `l6 run${i % 4}` : "l6", run));
+  const colors = joints.map((group) =>
+    node("span", "", node("i", `f${group.color}`), group.title),
+  );
+  const shown = [node("p", "legend runs", "Line: ", ...runs)];
+  return colors.length ? [...shown, node("p", "legend joints", "Colour: ", ...colors)] : shown;
+}
+
+document.getElementById("curves")?.append(...names());
 
 // So many charts share the width of the page.
 const full = 4;

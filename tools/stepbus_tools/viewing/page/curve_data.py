@@ -1,16 +1,15 @@
-"""The curves of a page: what its script draws, and which line is which."""
+"""The curves of a page: the numbers that its script draws."""
 
 import base64
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from html import escape
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array
-from stepbus_tools.look import engineering, line_style, prefixed, run_sample
+from stepbus_tools.look import engineering, line_style, prefixed
 from stepbus_tools.report.charts import Chart, ChartLine
 from stepbus_tools.report.curves import Curve
 
@@ -47,7 +46,7 @@ class Curves:
                 }
                 for group in self.groups
             ],
-            "first": self._runs[0].label,
+            "runs": [run.label for run in self._runs],
             "marks": [{"t": m.t, "level": m.level, "text": m.sentence} for m in self.marks],
             "end": self.end_s,
             "arrays": arrays.encoded(),
@@ -55,22 +54,7 @@ class Curves:
 
     def html(self) -> str:
         """Return what the script puts all groups of curves behind; nothing without any."""
-        return _BAR.read_text("utf-8") + self._names() if self.groups else ""
-
-    def _names(self) -> str:
-        """Return which line is which run's, and which colour which joint's."""
-        runs = "".join(
-            f"<span>{run_sample(number)}{escape(run.label)}</span>"
-            for number, run in enumerate(self._runs)
-            if run.label
-        )
-        joints = "".join(
-            f'<span><i class="f{group.color}"></i>{escape(group.title)}</span>'
-            for group in self.groups
-            if group.color is not None
-        )
-        colors = f'<p class="legend joints">Colour: {joints}</p>' if joints else ""
-        return f'<p class="legend runs">Line: {runs}</p>{colors}' if runs else ""
+        return _BAR.read_text("utf-8") if self.groups else ""
 
 
 def _said(chart: Chart) -> str:
