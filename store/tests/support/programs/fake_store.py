@@ -2,7 +2,7 @@
 
 import sys
 
-sys.path.insert(0, "TESTS")
+sys.path[:0] = ["TESTS", "TESTS/../../tests"]
 
 from support.services.mission_store import FakeStore, shelf_a
 
