@@ -2,7 +2,8 @@
 
 import sys
 
-sys.path[:0] = ["TESTS", "TESTS/../../tests"]
+sys.path.insert(0, "TESTS/../../tests")
+sys.path.insert(0, "TESTS")
 
 from support.services.mission_store import FakeStore, shelf_a
 
