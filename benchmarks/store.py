@@ -33,7 +33,7 @@ _ROW = re.compile(
 
 
 class Sale(NamedTuple):
-    """What came of one order; lengths [mm], duration of simulation [s].
+    """The result of one order; lengths [mm], duration of simulation [s].
 
     seen: distance of the item from its spot as the mission saw it. place: the same in truth.
     others: largest displacement of another item. drift: error of the base's pose at the end.
@@ -74,7 +74,7 @@ def sell(scenario: str, seed: int, settings: Sequence[str], out: Path) -> Sale:
 
 
 def measure(recording: Recording, item: str, outlet: Sequence[float]) -> dict[str, float]:
-    """Return what the true poses show of a sale [m]; outlet: where the item belongs [m]."""
+    """Return errors and displacements of a sale by the true poses [m]; outlet: the spot [m]."""
     poses = recording["plant.poses"]
     names, types = poses.description.names, poses.description.details["type"]
     rows = poses["position"].reshape(len(poses), len(names), 3)
@@ -90,14 +90,14 @@ def measure(recording: Recording, item: str, outlet: Sequence[float]) -> dict[st
 
 
 def summary(log: Path) -> str:
-    """Return what the mission says at the end."""
+    """Return the mission's summary."""
     with log.open("rb") as file:
         messages = make_reader(file).iter_messages(topics=["mission/summary"])
         return "\n".join(msgspec.msgpack.decode(message.data)["text"] for _, _, message in messages)
 
 
 def by_type(sales: Sequence[Sale]) -> str:
-    """Return what came of the orders of each type, and of all, as a table in Markdown."""
+    """Return the results of the orders by type, and of all, as a table in Markdown."""
     groups = {name: [sale for sale in sales if sale.item_type == name] for name in TYPES}
     rows = [
         (

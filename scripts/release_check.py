@@ -57,7 +57,7 @@ DOCS_PATIENCE_S = 1800.0
 
 @dataclass(frozen=True)
 class Release:
-    """What is checked. folder: temporary. files: path → content of the commit's files."""
+    """A release under test. folder: temporary. files: path → content of the commit's files."""
 
     folder: Path
     commit: str
@@ -71,7 +71,7 @@ class Release:
         return self.built["stepbus"].wheel
 
     def layout(self, name: str) -> Layout:
-        """Return what the distributions of a project should hold."""
+        """Return the expected contents of a project's distributions."""
         return Layout(self.files, PROJECTS[name])
 
 
@@ -95,7 +95,7 @@ def build_all(release: Release) -> list[str]:
 
 
 def check_metadata(release: Release, tag: str | None) -> list[str]:
-    """Return what is wrong with the versions and the metadata."""
+    """Return the problems of versions and metadata."""
     versions = {name: release.layout(name).version for name in PROJECTS}
     problems = []
     if len(set(versions.values())) > 1:
@@ -123,7 +123,7 @@ def problems_of_tag(tag: str, version: str, changelog: str) -> list[str]:
 
 
 def check_contents(release: Release) -> list[str]:
-    """Return what is wrong with what the files hold."""
+    """Return the problems of the files' contents."""
     problems: list[str] = []
     for name, built in release.built.items():
         layout = release.layout(name)

@@ -12,7 +12,7 @@ MOST_LINES = 12
 
 
 class Layout:
-    """What the distributions of a project should hold. project: its folder, `.` for the root.
+    """The expected contents of a project's distributions. project: its folder, `.` for the root.
 
     files: path → content of every tracked file of the repository.
     """
@@ -71,7 +71,7 @@ def read_sdist(path: Path) -> dict[str, bytes]:
 
 
 def problems_of_wheel(path: Path, layout: Layout) -> list[str]:
-    """Return what is wrong with the contents of a wheel, a line each."""
+    """Return the problems of a wheel's contents, a line each."""
     held = read_wheel(path)
     info = f"{layout.name.replace('-', '_')}-{layout.version}.dist-info/"
     own = {name: content for name, content in held.items() if not name.startswith(info)}
@@ -86,7 +86,7 @@ def problems_of_wheel(path: Path, layout: Layout) -> list[str]:
 
 
 def problems_of_sdist(path: Path, layout: Layout) -> list[str]:
-    """Return what is wrong with the contents of an sdist, a line each."""
+    """Return the problems of an sdist's contents, a line each."""
     held = read_sdist(path)
     own = {name: text for name, text in held.items() if name not in {"PKG-INFO", ".gitignore"}}
     return [f"{path.name}: {problem}" for problem in _compared(own, layout.sdist())]

@@ -78,7 +78,7 @@ class GoalSettings(Settings):
     """For `grip`: maximum force of each finger [N]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what a goal of its type lacks, and the type that no sequence can carry out."""
+        """Yield the missing fields of this type of goal, and a type that cannot be executed."""
         if self.type == "go_together":
             text = (
                 "go_together waits for a goal of the arm, but this mission sends that only "
@@ -158,7 +158,7 @@ class GoalSequence(Participant):
         self._reported = ""
 
     def update(self, step: Step) -> Mapping[str, Message]:
-        """Return the next goal once the last one is over, and what became of it."""
+        """Return the next goal once the last one is over, and the event of its result."""
         if self._number < 0:
             return self._next(step)
         status = step.get(self._status_port, GoalStatus)

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from support.store_paths import STORE_GOLDEN, STORE_TESTS
+from support.runs.store import store
+from support.store_paths import STORE_TESTS
 
 
 @pytest.mark.slow
@@ -10,9 +11,9 @@ def test_a_frame_of_the_film_shows_the_store(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(STORE_TESTS.parent / "scripts")
     import store_movie  # noqa: PLC0415
 
-    log = store_movie.Log(STORE_GOLDEN / "store.mcap")
+    log = store_movie.Log(store(tmp_path).recording)
     film = store_movie.shots(log, log.moments())
-    scene = store_movie.Scene(log, tmp_path)
+    scene = store_movie.Scene(log, tmp_path / "world")
     scene.show(film[1].start)
     picture = store_movie.draw(scene, film[1].look)
     assert [shot.start for shot in film[1:]] == [shot.end for shot in film[:-1]]

@@ -1,4 +1,4 @@
-"""What is done about collisions and things that come into the path."""
+"""Reactions to collisions, and to obstacles that come into the path."""
 
 import math
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _COMES = 2e-3
 
 @dataclass(frozen=True, kw_only=True)
 class AvoidanceSettings:
-    """What is done about things that come into the path.
+    """Settings of the reaction to obstacles on the path.
 
     back_off: how far the robot goes back from what it has touched [m]. stop_within: an arm on a
     planner's path stops before something is closer [m]; must be less than the planner's margin.
@@ -77,7 +77,7 @@ class Avoidance:
         self._q: Vector | None = None
         self._retreat: ArmRetreat | None = None
         self.slowest = ""
-        """What the robot was nearest to while the goal slowed down for it; empty: nothing."""
+        """The obstacle that slowed the goal down most, with its distance; empty: none."""
         self._least_scale = 1.0
         self._is_beside = False
 
@@ -245,7 +245,7 @@ class Avoidance:
         return self.replan(goal, part, retreat.text, t)
 
     def _behind(self, left: Collision, collision: Collision | None) -> str:
-        """Return what is in the way of an arm that backs off; empty: nothing.
+        """Return the obstacle in the way of an arm that backs off; empty: none.
 
         left: what it backs off from, which counts again once the arm was apart from it.
         collision: that has just started.
@@ -311,7 +311,7 @@ class Avoidance:
 
     @property
     def _nearest(self) -> tuple[Approach | None, float]:
-        """Return what the arm can least avoid, and what the hardest stop would leave [m]."""
+        """Return the most urgent approach, and the gap that the hardest stop would leave [m]."""
         return self._strange[0] if self._strange else (None, math.inf)
 
     @property

@@ -50,7 +50,7 @@ _REACHED = 1e-5
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """What came out for one pose.
+    """The result of a search for one pose.
 
     q: of all joints, shape (n,) [rad]; where the pose is unreachable, the closest found.
     position_error [m], orientation_error [rad]: of the model at q. smallest_singular_value: of the
@@ -181,7 +181,7 @@ class InverseKinematics:
         return bool(max(np.linalg.norm(error[:3]), np.linalg.norm(error[3:])) < _REACHED)
 
     def judge(self, q: Vector, moved: Indices) -> Solution:
-        """Return what is wrong with joint positions of your choice, shape (n,) [rad].
+        """Return the verdict on given joint positions, shape (n,) [rad].
 
         moved: the joints that must be strong enough; the others are not judged.
         """
@@ -215,7 +215,7 @@ class InverseKinematics:
 
 
 def _displacement(pose: Any, target: Any) -> Vector:
-    """Return what takes one `pinocchio.SE3` to another, in the axes of the base, shape (6,).
+    """Return the displacement between two `pinocchio.SE3`, in the axes of the base, shape (6,).
 
     In these axes a turn of the tip leaves the translation as it is. In the tip's own axes it does
     not, and the search would stop short of the closest pose.
@@ -225,7 +225,7 @@ def _displacement(pose: Any, target: Any) -> Vector:
 
 
 def _rank(solution: Solution) -> tuple[int, float]:
-    """Return what is smaller for a better solution."""
+    """Return a sort key that is smaller for a better solution."""
     miss = solution.position_error + solution.orientation_error
     load = solution.overload.required - solution.overload.available if solution.overload else 0.0
     return _WORSE.index(solution.verdict), miss if solution.verdict == "unreachable" else load

@@ -80,7 +80,7 @@ class Grasp:
 
 
 def _touched_by(contacts: Contacts, link: str) -> list[str]:
-    """Return what presses on a link, the hardest first."""
+    """Return the links that press on a link, the hardest first."""
     rows = zip(contacts.pairs, contacts.force, strict=True)
     touching = [
         (-force, _other(pair, link)) for pair, force in rows if link in pair and force > 0.0
@@ -123,7 +123,7 @@ class CollisionMonitor:
         self._closing: list[_Row] = []
         self._gaps: dict[tuple[str, str], float] = {}
         self.wary: frozenset[str] = frozenset()
-        """What has stopped the arm before."""
+        """Links that have stopped the arm before."""
 
     @property
     def held(self) -> str:
@@ -332,7 +332,7 @@ class CollisionMonitor:
         return False
 
     def _pressed(self) -> list[_Row]:
-        """Return what a pad presses on that it may touch, where that is no grip or too hard."""
+        """Return the permitted contacts of pads that press too hard, or without gripping."""
         rows = []
         for row in self._last:
             others = {row.ours, row.other}.difference(self._params.pads)
@@ -361,7 +361,7 @@ class CollisionMonitor:
         return both_ours or not stands
 
     def _learn_ground(self, contacts: Contacts) -> None:
-        """Take what wheels and casters touch at the start for the ground."""
+        """Record the links that wheels and casters touch at the start as the ground."""
         if self._ground:
             return
         for pair, distance in zip(contacts.pairs, contacts.distance, strict=True):

@@ -56,7 +56,7 @@ STANDING = BaseState(x=0.0, y=0.0, yaw=0.0, vx=0.0, wz=0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """What was measured in a step.
+    """The measurements of a step.
 
     q, v, effort: of the arm's joints, shape (n,) [rad, rad/s, N·m]. effort, gripper, contacts: None
     where nothing senses them.

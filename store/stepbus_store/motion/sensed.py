@@ -1,4 +1,4 @@
-"""What is sensed of touches and gaps: how fast the arm may be there, and what has stopped it."""
+"""Sensed contacts and gaps: safe speeds near them, and the obstacles that stopped the arm."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _REACTION = 0.05
 """Until the arm begins to slow down [s]."""
 
 _CLEARANCE = 2e-3
-"""What the arm stops before [m]."""
+"""Distance from an obstacle at which the arm comes to rest [m]."""
 
 _STOP, _STOP_HOLDING = 8.0, 5.0
 """Of any link in the hardest stop, without and with something in the gripper [m/s²]."""
@@ -28,7 +28,7 @@ _WARY = 0.25
 
 @dataclass(frozen=True, kw_only=True)
 class MonitorSettings:
-    """What a robot may touch, and how it slows down near everything else.
+    """The links that a robot may touch, and safe speeds near all others.
 
     links: of the robot; base_links: those that only the base moves, not the arm. ignore: wheels and
     casters, which may touch what they stand on at the start.
@@ -106,7 +106,7 @@ class Approach(Pair):
 
 @dataclass(frozen=True, kw_only=True)
 class Watch:
-    """What the monitor found in a step.
+    """The contacts and gaps of a step.
 
     collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
     not touch, and `gap` its distance [m]; None: nothing is near. strange: the pairs of which one is
@@ -157,14 +157,14 @@ class SensedThings:
         return frozenset(self._places)
 
     def update(self, strange: Strange, *, is_moving: bool) -> None:
-        """Take what is sensed in a step; is_moving: the arm moves."""
+        """Update with the pairs of a step; is_moving: the arm moves."""
         others = {near.other for near, _ in strange}
         self._places = {other: at for other, at in self._places.items() if other in others}
         if not is_moving:
             self._at_rest = {near.pair: near.gap for near, _ in strange}
 
     def hindrance(self, strange: Strange, *, on_plan: bool) -> Approach | None:
-        """Return what the arm must stop for; None: nothing. on_plan: it is on a planner's path.
+        """Return the obstacle to stop for; None: none. on_plan: the arm is on a planner's path.
 
         What is close from the start on may stay so, but not come closer. On a line, only what has
         stopped the arm before counts.

@@ -60,7 +60,7 @@ class Scene:
         """Pixels of horizontal surfaces, shape (h, w)."""
 
     def probe(self, points: Vector, among: Mask) -> tuple[Vector, Mask, Mask]:
-        """Return what the camera sees in the direction of points, shape (n, 3) [m].
+        """Return the visible points in the direction of given points, shape (n, 3) [m].
 
         That is: the visible points, shape (n, 3); whether there is one; whether it is within a
         mask, shape (h, w).

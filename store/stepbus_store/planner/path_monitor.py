@@ -34,18 +34,12 @@ _LONGEST_GIVEN = 30.0
 """How long a path that was only checked is monitored; its duration is not known [s]."""
 
 
-def last_step(request: PlanRequest, plan: Plan, step: int, period: float) -> int:
-    """Return the last step at which to monitor a plan; period: between two steps [s]."""
-    longest = _LONGEST * plan.times[-1] + (_LONGEST_GIVEN if request.path else 0.0)
-    return step + math.ceil(longest / period)
-
-
 class PathMonitor:
     """Monitors one path until the tip has arrived or the base moves, unless it should.
 
     Beside a base that drives, the path has to be free where the base is, and at all poses that are
-    ahead of it. poses: those that it was planned with. last: step after which the path is no longer
-    in use. map_in_world: pose of the frame of the request's `bases`.
+    ahead of it. poses: of the world at the request. t: time of the plan [s]. map_in_world: pose of
+    the frame of the request's `bases`.
     """
 
     def __init__(
@@ -55,12 +49,13 @@ class PathMonitor:
         plan: Plan,
         poses: Poses,
         *,
-        last: int,
+        t: float,
         map_in_world: Any,
     ) -> None:
         robot, obstacles, settings = planner.robot, planner.obstacles, planner.settings
         self._robot, self._obstacles, self._settings = robot, obstacles, settings
-        self._request, self._before, self._last_step = request, poses, last
+        self._request, self._before = request, poses
+        self._until = t + _LONGEST * plan.times[-1] + (_LONGEST_GIVEN if request.path else 0.0)
         self._path = np.array([*plan.position, *request.path])
         self._checked: Mapping[str, Any] = {}
         self._tip_index = obstacles.index_of(settings.tip)
@@ -80,10 +75,10 @@ class PathMonitor:
         """Return the id of the request whose path it monitors."""
         return self._request.id
 
-    def check(self, poses: Poses, step: int) -> str:
-        """Return which object blocks the path, as a sentence; empty: none."""
+    def check(self, poses: Poses, t: float) -> str:
+        """Return the object that blocks the path, as a sentence; empty: none. t: time [s]."""
         leaves = self._obstacles.base_moved(self._before, poses) > _MOVED and not self._bases
-        if step > self._last_step or leaves:
+        if t > self._until or leaves:
             self.is_over = True
         if not self.is_over and self._tip_index is not None:
             self._follow(self._obstacles.placement(poses, self._tip_index).translation)

@@ -28,7 +28,7 @@ from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.lidar_view import LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
 from stepbus_store.planner.params import Params
-from stepbus_store.planner.path_monitor import PathMonitor, last_step
+from stepbus_store.planner.path_monitor import PathMonitor
 from stepbus_store.planner.planning import PathPlanner, PlanningSettings, is_check, map_in_world
 from stepbus_store.planner.scene import Margins
 from stepbus_store.planner.timing import Limits
@@ -261,19 +261,18 @@ class Planner(Participant):
             self._publish(messages, plan)
             is_watched = not (plan.cause or plan.route)
             if is_watched and pending.poses is not None:
-                last = last_step(pending.request, plan, step.index, self.config.step_ns * 1e-9)
                 self._monitor = PathMonitor(
                     self.planner,
                     pending.request,
                     plan,
                     pending.poses,
-                    last=last,
+                    t=step.t,
                     map_in_world=self._map,
                 )
 
     def _check_path(self, messages: dict[str, Message], monitor: PathMonitor, step: Step) -> None:
         """Report an object that blocks the path in use."""
-        text = monitor.check(step.read(self._poses_port, Poses), step.index)
+        text = monitor.check(step.read(self._poses_port, Poses), step.t)
         if text:
             self._publish(messages, Plan(id=monitor.request_id, cause=Cause.BLOCKED, text=text))
         if text or monitor.is_over:

@@ -104,7 +104,7 @@ class Manipulator:
 
     @property
     def blocked(self) -> str:
-        """Return what the planner reports to block the path under way; empty: nothing."""
+        """Return the planner's report of an obstacle on the path under way; empty: none."""
         is_under_way = self._queries.search is None and self._player.late(self._player.clock.t) < 0
         return self._blocked if self._route is not None and is_under_way else ""
 
@@ -130,7 +130,7 @@ class Manipulator:
             self._behind.record(q)
 
     def at(self, t: float) -> JointMotion:
-        """Return what to command at a time [s]."""
+        """Return the command for a time [s]."""
         command = self._player.command(t)
         self._jam.command(command)
         return command
@@ -204,7 +204,7 @@ class Manipulator:
         return self._queries.search is not None
 
     def request(self) -> PlanRequest | None:
-        """Return what to ask the planner, once."""
+        """Return the next request to the planner, once."""
         return self._queries.pop()
 
     def take_plan(self, plan: Plan, t: float) -> None:

@@ -82,7 +82,7 @@ class JamWatch:
         self._sent: Vector | None = None
 
     def command(self, sent: JointMotion) -> None:
-        """Take what is commanded, and leads to the next measurement."""
+        """Store the command that leads to the next measurement."""
         self._sent = sent.position + self._period * sent.velocity
 
     def stuck(self, q: Vector) -> NDArray[np.bool_]:

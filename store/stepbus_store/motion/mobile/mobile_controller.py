@@ -129,7 +129,7 @@ class MobileController(Participant):
         return self._messages(step, self._reading, is_stopped=is_stopped)
 
     def _sense(self, step: Step) -> Measured | None:
-        """Return what was measured; None: some inputs have not come yet."""
+        """Return the measurements of this step; None: some inputs have not come yet."""
         ports = self._ports
         joints = step.get(ports.joint_state, JointState)
         base = step.get(ports.odometry, BaseState)
@@ -182,7 +182,7 @@ class MobileController(Participant):
         return messages
 
     def _request(self) -> PlanRequest | None:
-        """Return what to ask the planner, which forgets a question when another one comes."""
+        """Return the next request; the planner cancels the previous one when it comes."""
         arm, navigator = self._arm, self._navigator
         if navigator is None:
             return arm.request()

@@ -53,7 +53,7 @@ def planned(limits: MotionLimits) -> MotionLimits:
 
 
 class MobileSettings:
-    """What a `MobileController` works with: what the scenario's ports and params describe.
+    """The ports, parameters, model and settings of a `MobileController`.
 
     Raises SettingsError with all that is wrong.
     """

@@ -2,6 +2,7 @@
 
 import sys
 
+sys.path.insert(0, "TESTS/../../tests")
 sys.path.insert(0, "TESTS")
 
 from support.services.mission_store import FakeStore, shelf_a
