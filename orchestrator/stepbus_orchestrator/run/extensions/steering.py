@@ -31,8 +31,8 @@ class Steering(RunExtension):
         self._speed = speed
         self._real_time = real_time
         calls.steer = self.take
-        self._flush_s = 0.0
-        self._flush_until = -1.0
+        self._flush_s: float | None = None
+        self._flush_until = 0.0
         self._flush_at = 0.0
         self._methods: Mapping[str, Callable[[Sequence[Any]], object]] = {
             "status": self._status,
@@ -46,9 +46,13 @@ class Steering(RunExtension):
 
     def turn(self) -> None:
         """Write what is recorded as often as a live view of the run asks for, again and again."""
+        if self._flush_s is None:
+            return
         now = self.run.clock.monotonic()
-        # A view that was killed asks no more.
-        if self._flush_at <= now <= self._flush_until:
+        if now > self._flush_until:
+            # The view that asked for it was killed.
+            self._flush_s = None
+        elif now >= self._flush_at:
             self._flush_at = now + self._flush_s
             self.run.recorder.flush()
 
@@ -92,10 +96,9 @@ class Steering(RunExtension):
         self._speed.set(factor, self.run.state.released)
 
     def _set_flush(self, args: Sequence[Any]) -> None:
-        self._flush_until = -1.0
-        if args and args[0] is not None:
-            self._flush_s = _number(args[0], _PERIODS_S, "flush")
-            self._flush_until = self.run.clock.monotonic() + FLUSHED_S
+        given = args[0] if args else None
+        self._flush_s = None if given is None else _number(given, _PERIODS_S, "flush")
+        self._flush_until = self.run.clock.monotonic() + FLUSHED_S
 
 
 def _number(value: object, limits: tuple[float, float], what: str) -> float:

@@ -53,42 +53,6 @@ def test_scenarios_that_ship_record_the_same_bytes(tmp_path, scenario, settings)
     assert runs[0].sha256 == runs[1].sha256
 
 
-@pytest.mark.parametrize(
-    ("kind", "code", "sentence"),
-    [
-        ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
-        ("leave", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
-        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s, at joints\.py:\d+ in go_wrong; deadline 1 s \(participants\.controller\.step_timeout\)"),
-        ("port", ExitCode.FAULT, r"step 7.*the scenario has no output port 'komand'; it has command"),
-        ("type", ExitCode.FAULT, r"step 7.*port 'command' takes JointCommand/1, got Event"),
-        ("huge", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
-    ],
-)  # fmt: skip
-def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentence):
-    deadlines = FAST if code == ExitCode.STEP_TIMEOUT else ()
-    result = run_joints(tmp_path, fault("controller", kind, 7), *deadlines, in_process=True)
-    assert (result.exit_code, result.participant) == (code, "controller")
-    assert re.search(sentence, result.reason)
-    steps = stepbus.Recording(result.recording)["plant.joint_state"].steps
-    assert list(steps[:8]) == list(range(8))
-
-
-@pytest.mark.parametrize(
-    ("kind", "sentence"),
-    [
-        ("raise", r"before the first step: controller \(pid \d+\): ValueError: the knee"),
-        ("leave", r"before the first step: controller \(pid \d+\) exited with code 3"),
-        ("hang", r"controller \(pid \d+\) has been computing for .* at joints\.py:\d+ in go_wrong.*ready_timeout"),
-    ],
-)  # fmt: skip
-def test_a_participant_that_cannot_get_ready_is_named(tmp_path, kind, sentence):
-    phases = ("spawn", "join", "ready") if kind == "hang" else ()
-    short = [f"controller.{phase}_timeout=300ms" for phase in phases]
-    result = run_joints(tmp_path, fault("controller", kind, -1), *short, in_process=True)
-    assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
-    assert re.search(sentence, result.reason)
-
-
 @pytest.mark.parametrize("text", ["drop controller at 20", pytest.param("corrupt plant at 20", marks=pytest.mark.slow), "duplicate mission at 20"])  # fmt: skip
 def test_faults_on_messages_end_alike(tmp_path, text):
     path = write_scenario(tmp_path / "source")

@@ -23,21 +23,27 @@ def recorded_steps(result):
 
 
 @pytest.mark.parametrize(
-    ("kind", "code", "sentence"),
+    ("alone", "kind", "code", "sentence"),
     [
-        ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
-        ("mute", ExitCode.FAULT, r"step 7 .*: controller \(pid \d+\): Mute: \(its __str__ raised RuntimeError\)"),
-        ("surrogate", ExitCode.FAULT, r"step 7 .*: controller \(pid \d+\): ValueError: the knee \\ud800"),
-        ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
-        ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
-        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; all inputs have arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
-        ("stop", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been stopped by a signal"),
-        ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
+        (False, "raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
+        (False, "mute", ExitCode.FAULT, r"step 7 .*: controller \(pid \d+\): Mute: \(its __str__ raised RuntimeError\)"),
+        (False, "surrogate", ExitCode.FAULT, r"step 7 .*: controller \(pid \d+\): ValueError: the knee \\ud800"),
+        (False, "exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
+        (False, "kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
+        (False, "hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; all inputs have arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
+        (False, "stop", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been stopped by a signal"),
+        (False, "deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
+        (True, "raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
+        (True, "leave", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
+        (True, "hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s, at joints\.py:\d+ in go_wrong; deadline 1 s \(participants\.controller\.step_timeout\)"),
+        (True, "port", ExitCode.FAULT, r"step 7.*the scenario has no output port 'komand'; it has command"),
+        (True, "type", ExitCode.FAULT, r"step 7.*port 'command' takes JointCommand/1, got Event"),
+        (True, "huge", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
     ],
 )  # fmt: skip
-def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentence):
+def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, alone, kind, code, sentence):
     deadlines = FAST if code == ExitCode.STEP_TIMEOUT else ()
-    result = run_joints(tmp_path, fault("controller", kind, 7), *deadlines)
+    result = run_joints(tmp_path, fault("controller", kind, 7), *deadlines, in_process=alone)
     assert (result.exit_code, result.participant) == (code, "controller")
     assert re.search(sentence, result.reason)
     assert recorded_steps(result)[:8] == list(range(8))
@@ -68,16 +74,21 @@ def test_garbage_in_place_of_outputs_is_named_when_the_step_times_out(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "sentence"),
+    ("alone", "kind", "sentence"),
     [
-        ("raise", r"before the first step: controller \(pid \d+\): ValueError: the knee"),
-        ("exit", r"before the first step: controller \(pid \d+\) exited with code 3"),
-        ("hang", r"controller \(pid \d+\) has joined and is not ready.*0\.5 s \(participants\.controller\.ready_timeout\)"),
+        (False, "raise", r"before the first step: controller \(pid \d+\): ValueError: the knee"),
+        (False, "exit", r"before the first step: controller \(pid \d+\) exited with code 3"),
+        (False, "hang", r"controller \(pid \d+\) has joined and is not ready.*0\.3 s \(participants\.controller\.ready_timeout\)"),
+        (True, "raise", r"before the first step: controller \(pid \d+\): ValueError: the knee"),
+        (True, "leave", r"before the first step: controller \(pid \d+\) exited with code 3"),
+        (True, "hang", r"controller \(pid \d+\) has been computing for .* at joints\.py:\d+ in go_wrong.*ready_timeout"),
     ],
 )  # fmt: skip
-def test_a_participant_that_cannot_get_ready_is_named(tmp_path, kind, sentence):
-    deadlines = ["controller.ready_timeout=500ms"] if kind == "hang" else []
-    result = run_joints(tmp_path, fault("controller", kind, -1), *deadlines)
+def test_a_participant_that_cannot_get_ready_is_named(tmp_path, alone, kind, sentence):
+    # In one process, the three are one.
+    phases = ("spawn", "join", "ready") if alone else ("ready",)
+    short = [f"controller.{phase}_timeout=300ms" for phase in phases] if kind == "hang" else []
+    result = run_joints(tmp_path, fault("controller", kind, -1), *short, in_process=alone)
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
     assert re.search(sentence, result.reason)
 
