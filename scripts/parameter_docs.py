@@ -128,7 +128,7 @@ def _default(field: structs.FieldInfo) -> Schema:
     """Return the default as a scenario has it."""
     value = default_of(field)
     if isinstance(value, PerName):
-        value = float(repr(value).removeprefix("each(").removesuffix(")"))
+        value = value.value
     if value in (None, (), {}, "") or isinstance(value, Settings):
         return {}
     if field.name.endswith("_ns"):

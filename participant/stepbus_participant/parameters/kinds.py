@@ -1,6 +1,7 @@
 """The types of parameters, and the marks of their keys."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -42,32 +43,30 @@ _PerName: TypeAlias = _T | tuple[_T, ...] | dict[str, _T]
 NAME_FORM = "[A-Za-z0-9][A-Za-z0-9_-]{0,63}"
 
 
+@dataclass(frozen=True)
 class PerName:
     """One number for all joints, a list with one per joint, or a map by joint; see `of`.
 
-    value: a number, a list or a map. keys: its path, for error messages.
+    keys: path of the value, for error messages.
     """
 
-    def __init__(
-        self, value: float | Sequence[float] | Mapping[str, float], keys: Keys = ()
-    ) -> None:
-        self._value = value
-        self._keys = keys
+    value: float | Sequence[float] | Mapping[str, float]
+    keys: Keys = field(default=(), compare=False)
 
     def of(self, names: Sequence[str]) -> list[float]:
         """Return one number per name; raises SettingsError if the value does not fit the names."""
         problems = Problems()
         for keys, text in self.misfits(names):
-            problems.add((*self._keys, *keys), text)
+            problems.add((*self.keys, *keys), text)
         problems.refuse()
-        if isinstance(self._value, Mapping):
-            return [self._value[name] for name in names]
-        value = self._value
+        value = self.value
+        if isinstance(value, Mapping):
+            return [value[name] for name in names]
         return list(value) if isinstance(value, Sequence) else [value] * len(names)
 
     def misfits(self, names: Sequence[str]) -> Iterator[tuple[Keys, str]]:
-        """Yield why the numbers do not fit the names."""
-        value = self._value
+        """Yield (keys, message) for each mismatch between the numbers and the names."""
+        value = self.value
         if isinstance(value, Mapping):
             for name in value:
                 if name not in names:
@@ -77,15 +76,6 @@ class PerName:
                     yield (), f"joint {name!r} is missing"
         elif isinstance(value, Sequence) and len(value) != len(names):
             yield (), f"has {len(value)} numbers for {len(names)} joints ({', '.join(names)})"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, PerName) and other._value == self._value
-
-    def __hash__(self) -> int:
-        return hash(repr(self._value))
-
-    def __repr__(self) -> str:
-        return f"each({self._value!r})"
 
 
 def each(value: float) -> PerName:

@@ -147,6 +147,8 @@ class _Reader:
         kind, arguments = get_origin(bare) or bare, get_args(bare)
         if "read" in marks:
             return self._made(kind, marks, data, keys)
+        if is_settings(kind) and isinstance(data, kind):
+            return data
         if is_settings(kind) and (data is None or isinstance(data, Mapping)):
             return self._settings(kind, data or {}, keys)
         if is_settings(kind) and kind.short and isinstance(data, str):

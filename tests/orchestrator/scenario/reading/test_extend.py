@@ -83,15 +83,14 @@ def test_a_problem_in_another_folder_names_the_base_as_it_is_named(tmp_path):
     assert problem.startswith("../common/scenario.yaml:2: step:")
 
 
-def test_an_unknown_base_is_answered_with_the_nearest_that_ships(tmp_path):
-    problem = problem_of(tmp_path, "extends: two_lnk/pd\n")
-    assert problem.endswith("scenario; did you mean 'two_link/pd'?")
-
-
-def test_a_missing_base_is_answered_with_the_nearest(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("two_lnk/pd", "scenario; did you mean 'two_link/pd'?"),
+        ("pd_bse.yaml", "did you mean 'pd_base.yaml'?"),
+        ("[a, b]", "must name a scenario, not a list of 2"),
+    ],
+)
+def test_a_base_that_is_not_there_is_answered_with_the_nearest(tmp_path, name, message):
     write(tmp_path, "", "pd_base.yaml")
-    assert problem_of(tmp_path, "extends: pd_bse.yaml\n").endswith("did you mean 'pd_base.yaml'?")
-
-
-def test_a_base_must_be_a_name(tmp_path):
-    assert "must name a scenario, not a list" in problem_of(tmp_path, "extends: [a, b]\n")
+    assert problem_of(tmp_path, f"extends: {name}\n").endswith(message)

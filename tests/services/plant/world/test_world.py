@@ -92,7 +92,7 @@ def test_a_model_that_cannot_be_read_is_refused_with_both_lines(tmp_path):
         ("bodies: {a: {urdf: two_link.urdf}}\nbodies: 2", "world.yaml:2: bodies"),
         ("bodies: {a: {urdf: two_link.urdf}\n", "world.yaml:2"),
         ("bodies: {a: {urdf: !!python/object:os.system ls}}", "world.yaml:1: bodies.a.urdf"),
-        ("bodies: &a {b: *a}", "world.yaml:1: has more than"),
+        ("bodies: &a {b: *a}", "world.yaml: is nested too deeply"),
         (
             "bodies: {a: {urdf: two_link.urdf}}\nsubsteps: 2\nphysics_step: 1ms",
             "world.yaml:2: substeps",
