@@ -200,11 +200,14 @@ class Child(Process):
 
     def _reap(self) -> None:
         """Take the exit code; harmless when repeated."""
+        code = self.exit_code()
         with self._lock:
-            if self._code is None and self._process is not None:
-                self._code = self._process.wait()  # no time-out: it has ended
-            elif self._code is None:
-                self._code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])  # no time-out
+            if self._code is None:
+                self._code = code
+                if self._process is not None:
+                    self._process.wait()  # no time-out: it has ended
+                else:
+                    os.waitpid(self.pid, 0)  # no time-out: it has ended
 
     def signal(self, number: int) -> None:
         """Send a signal to it and all it has started; nothing once it has been reaped."""
