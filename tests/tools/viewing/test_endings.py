@@ -117,7 +117,7 @@ def test_the_report_of_half_a_recording_says_so(recording, tmp_path, capsys):
 _PROGRAM = """
 import sys
 
-import stepbus_orchestrator.cli.commands as commands
+import stepbus_orchestrator.cli.execute as module
 from stepbus_orchestrator.cli.entry import main
 
 class Field:
@@ -127,7 +127,7 @@ class Field:
 def execute(*_):
     type("Owner", (), {"field": Field()})
 
-commands.execute = execute
+module.execute = execute
 sys.argv[1:] = ["info"]
 raise SystemExit(main())
 """
