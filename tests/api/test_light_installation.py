@@ -107,7 +107,10 @@ def test_what_needs_no_extra_works_without_any(without):
     assert stepbus_command("conformance", "--list")[0] == 0
 
 
-RUN = ("greenlet", "isal", "mcap", "msgpack", "numpy", "rich", "ruamel", "trustme", "zstandard")
+RUN = (
+    *("cyclopts", "greenlet", "isal", "mcap", "msgpack", "numpy", "rich", "ruamel", "trustme"),
+    "zstandard",
+)
 """What only the orchestrator needs."""
 LIGHT = """
 import sys

@@ -102,6 +102,31 @@ def test_the_report_of_half_a_recording_says_so(recording, tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
+_PROGRAM = """
+import sys
+
+import stepbus_orchestrator.cli.execute as module
+from stepbus_orchestrator.cli.entry import main
+
+class Field:
+    def __set_name__(self, owner, name):
+        raise KeyboardInterrupt
+
+def execute(*_):
+    type("Owner", (), {"field": Field()})
+
+module.execute = execute
+sys.argv[1:] = ["info"]
+raise SystemExit(main())
+"""
+
+
+def test_a_signal_while_a_class_is_made_is_no_error():
+    command = [sys.executable, "-c", _PROGRAM]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "stepbus: interrupted\n")
+
+
 def test_a_view_that_stays_ends_with_a_signal_to_the_run_alone(tmp_path, capsys):
     interrupt = threading.Event()
     with viewed(tmp_path / "run", [["--foxglove"]], stays=True, interrupt=interrupt):
