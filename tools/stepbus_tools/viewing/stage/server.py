@@ -1,5 +1,6 @@
 """The server behind a page: on loopback, only for browsers that its door has let in, our look."""
 
+import asyncio
 import contextlib
 import gzip
 import html
@@ -101,6 +102,8 @@ def open_page(
     door = Door(host, tell)
     # viser takes the next port when one is taken, and does not say what is wrong with a host.
     listening(host, port).close()
+    # It waits for ever for a thread of its own that finds no free file descriptor.
+    asyncio.new_event_loop().close()
     # It prints a box.
     with _starting, _guarded(door, label), contextlib.redirect_stdout(io.StringIO()):
         server = Server(host=host, port=port, verbose=False)
