@@ -147,9 +147,7 @@ class _Reader:
         kind, arguments = get_origin(bare) or bare, get_args(bare)
         if "read" in marks:
             return self._made(kind, marks, data, keys)
-        if is_settings(kind) and isinstance(data, kind):
-            return data
-        if is_settings(kind) and (data is None or isinstance(data, Mapping)):
+        if is_settings(kind) and (data is None or isinstance(data, Mapping | kind)):
             return self._settings(kind, data or {}, keys)
         if is_settings(kind) and kind.short and isinstance(data, str):
             return self._settings(kind, {kind.short: data}, keys, short=kind.short)
@@ -187,6 +185,8 @@ class _Reader:
 
     def _settings(self, cls: Any, data: Any, keys: Keys, short: str = "") -> Any:
         """Return a map as settings. short: key whose value stands at `keys` itself."""
+        if isinstance(data, cls):
+            return data
         before = len(self.problems)
         given = {str(key): item for key, item in data.items() if item is not None}
         tag, kinds = cls.kinds
