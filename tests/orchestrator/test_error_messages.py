@@ -15,9 +15,9 @@ RUN = "run two_link --set"
 ERRORS = [
     ("runn two_link", "no command 'runn'; did you mean 'run'? see stepbus --help"),
     ("run two_lonk", "two_lonk: no such file, folder or built-in scenario (give the path of your own, e.g. ./my_robot/scenario.yaml); did you mean 'two_link'?"),
-    ("run two_link --windw 3", "unknown option --windw; did you mean '--window'? see stepbus run --help"),
-    ("run two_link --pause-at soon", "argument --pause-at: 'soon' is neither a step (0 or higher) nor a time such as 6s; see stepbus run --help"),
-    ("sweep two_link --timeout 60", "argument --timeout: '60' is not a duration; write a number with a unit (ns, us, ms, s, min or h), e.g. 5ms; see stepbus sweep --help"),
+    ("run two_link --windw 3", "Unknown option: --windw. Did you mean --window? see stepbus run --help"),
+    ("run two_link --view --pause-at soon", "'soon' is not a duration; write a number with a unit (ns, us, ms, s, min or h), e.g. 5ms"),
+    ("sweep two_link --timeout 60", "Invalid value for --timeout: '60' is not a duration; write a number with a unit (ns, us, ms, s, min or h), e.g. 5ms; see stepbus sweep --help"),
     (f"{RUN} kp=80", "--set kp=80: no participant or key 'kp'; did you mean controller.params.kp?"),
     (f"{RUN} duration=10.001s", "--set duration=10.001s: duration: 10.001s is 2000.2 steps of 5ms, not a whole number; the nearest is 10s or 10005ms"),
     (f"{RUN} plant.evry=2", "--set plant.evry=2: participants.plant.evry: unknown key 'evry'; did you mean 'every'?"),
@@ -38,9 +38,8 @@ ERRORS = [
     ("branch RECORDING --at 999", "step 999 is past the end of RECORDING (60 complete steps)"),
     ("recover RECORDING --out notes.mcap", "notes.mcap already exists; choose another name with --out"),
     ("call . plant position", "no live run in .; give the folder of one, e.g. runs/two_link-20260101-120000"),
-    ("help brnch", "no command 'brnch'; did you mean 'branch'?"),
+    ("help brnch", "no command 'brnch'; did you mean 'branch'? see stepbus --help"),
     ("new .", ". is not empty; choose a new folder"),
-    ("new --language octav other", "no starter in 'octav'; did you mean 'octave'?; the bridge connects programs in any language: docs/guide/writing/bridge.md"),
 ]  # fmt: skip
 
 

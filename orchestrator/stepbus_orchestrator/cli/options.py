@@ -63,6 +63,11 @@ def _settings(_type: object, tokens: Sequence[Token]) -> tuple[str, ...]:
     return tuple(override.named_from_here(token.value) for token in tokens)
 
 
+def _duration(_type: object, tokens: Sequence[Token]) -> str:
+    import_module("stepbus_participant").parse_duration(tokens[0].value)
+    return tokens[0].value
+
+
 FLAT = Parameter(name="*")
 """The fields of a dataclass are options of their own."""
 EITHER = Parameter(group=Group("options", validator=mutually_exclusive))
@@ -88,7 +93,7 @@ Scenario = Annotated[
 Recording = Annotated[Path, Parameter(help="a run.mcap, or the folder of its run")]
 Folder = Annotated[Path | None, Parameter(metavar="FOLDER")]
 File = Annotated[Path | None, Parameter(metavar="FILE")]
-Duration = Annotated[str, Parameter(metavar="DURATION")]
+Duration = Annotated[str, Parameter(metavar="DURATION", converter=_duration)]
 NewRun = Annotated[Folder, Parameter(help="folder of the new run (default: in runs/)")]
 Json = Annotated[bool, Parameter(help="print the result as JSON only")]
 Trust = Annotated[
