@@ -1,10 +1,7 @@
-"""Poses that several services read: their check, and their orientations as other numbers."""
+"""Poses that several services read: their check, and their yaw."""
 
 import math
 from collections.abc import Sequence
-
-import numpy as np
-from numpy.typing import NDArray
 
 from stepbus_schemas import Poses, Quaternion, RunError
 
@@ -25,15 +22,3 @@ def yaw_of(q: Quaternion) -> float:
     """Return the yaw of an orientation [rad]; 0 for a quaternion of zeros."""
     x, y, z, w = q
     return math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
-
-
-def rotation(quaternion: Sequence[float]) -> NDArray[np.float64]:
-    """Return the matrix, shape (3, 3), of a quaternion x, y, z, w of any length but 0."""
-    x, y, z, w = np.asarray(quaternion) / math.hypot(*quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -1,12 +1,13 @@
 """The upright and tilted solids that an item consists of, as Poses/1 describes them."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_schemas import Shape, parse_shapes
-from stepbus_store.poses import rotation
 
 Vector = NDArray[np.float64]
 
@@ -53,3 +54,15 @@ def _solid(shape: Shape) -> Solid:
             )
     axes, position = rotation(shape.orientation), np.array(shape.position)
     return Solid(type=shape.type, half=half, axes=axes, position=position)
+
+
+def rotation(quaternion: Sequence[float]) -> NDArray[np.float64]:
+    """Return the matrix, shape (3, 3), of a quaternion x, y, z, w of any length but 0."""
+    x, y, z, w = np.asarray(quaternion) / math.hypot(*quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -10,14 +10,10 @@ import stepbus
 from stepbus_participant import extra_hint
 
 BLOCKER = """
-import sys
+from importlib.machinery import PathFinder
 
-class Blocker:
-    def find_spec(self, name, path=None, target=None):
-        if name in {names!r}:
-            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
-
-sys.meta_path.insert(0, Blocker())
+found = PathFinder.find_spec
+PathFinder.find_spec = lambda name, *rest: None if name in {names!r} else found(name, *rest)
 """
 
 

@@ -10,7 +10,6 @@ from support.tools import needs
 import stepbus
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 
@@ -31,7 +30,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def result(folder):
     """Return the result of a second of the example."""
-    return run(load(folder, SHORT), Options(out=folder.parent / "out", host=InProcess()))
+    return run(load(folder, SHORT), Options(out=folder.parent / "out"))
 
 
 def test_a_type_of_ones_own_goes_through_python_and_c_and_is_recorded(result):
@@ -64,7 +63,7 @@ def refused(folder, changes):
         text = (folder / name).read_text()
         assert old in text
         (folder / name).write_text(text.replace(old, new))
-    result = run(load(folder, SHORT), Options(out=folder / "out", host=InProcess()))
+    result = run(load(folder, SHORT), Options(out=folder / "out"))
     assert result.exit_code == ExitCode.START
     return result.reason
 

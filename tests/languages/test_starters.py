@@ -8,7 +8,6 @@ from support.tools import needs, tracked
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.new import STARTERS, write_starter
-from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.conformance import conformance, select
@@ -25,7 +24,7 @@ def test_a_starter_runs_as_it_is(language, tmp_path):
     build = STARTERS[language].build.format(folder=tmp_path / "arm")
     subprocess.run(build, shell=True, check=True, capture_output=True)
     scenario = load(tmp_path / "arm", ["duration=100ms"])
-    result = run(scenario, Options(out=tmp_path / "out", host=InProcess()))
+    result = run(scenario, Options(out=tmp_path / "out"))
     assert (result.exit_code, result.steps, result.scenario) == (0, 20, "arm")
 
 

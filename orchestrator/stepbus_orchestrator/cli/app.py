@@ -7,6 +7,7 @@ import difflib
 import inspect
 import re
 import sys
+import textwrap
 from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import NoReturn
@@ -228,9 +229,17 @@ def _row(argument: Argument) -> str:
 
 def _columns(label: str, text: str) -> str:
     """Return a label and its text, below it where the label is long."""
-    head, text = f"  {label}", " ".join(text.split())
-    is_long = len(head) > _COLUMN - 2
-    return f"{head}\n{'':{_COLUMN}}{text}" if is_long else f"{head:{_COLUMN}}{text}"
+    head, indent = f"  {label}", " " * _COLUMN
+    words = " ".join(text.split())
+    body = textwrap.fill(
+        words,
+        columns(),
+        initial_indent=indent,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return f"{head}\n{body}" if len(head) > _COLUMN - 2 else f"{head:{_COLUMN}}{body[_COLUMN:]}"
 
 
 # --- commands of its own -----------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
@@ -13,12 +14,12 @@ from stepbus_participant import (
     NonNegative,
     Positive,
     Settings,
+    SettingsError,
     Text,
     Vector3,
     suggest,
 )
-from stepbus_participant.parameters import Keys
-from stepbus_store.mission.stock import types_in
+from stepbus_participant.parameters import Keys, read_yaml
 
 from .geometry import Spot
 
@@ -212,7 +213,7 @@ class Params(Settings):
         if self.catalog is None:
             return
         try:
-            types = types_in(self.catalog)
+            types = _types_in(self.catalog)
         except ValueError as exc:
             yield ("catalog",), str(exc)
             return
@@ -251,3 +252,19 @@ def unknown_type(given: str, types: Sequence[str]) -> str:
     """Return the sentence about an order of a type that the shop does not have."""
     known = suggest(given, types) or f"; it has {', '.join(types) or 'no items at all'}"
     return f"type {given!r} is unknown{known}"
+
+
+def _types_in(path: Path) -> list[str]:
+    """Return the keys of `stock.types` of a world file.
+
+    Raises ValueError with a sentence for a file without any, or one that cannot be read.
+    """
+    try:
+        data = read_yaml(path, "a world needs at least 'bodies'").data
+    except SettingsError as exc:
+        raise ValueError(str(exc)) from exc
+    stock = data.get("stock")
+    types = stock.get("types") if isinstance(stock, dict) else None
+    if not isinstance(types, dict) or not types:
+        raise ValueError(f"{path.name} has no stock.types")
+    return list(types)

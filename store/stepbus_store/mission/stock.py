@@ -3,9 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from stepbus_participant import SettingsError, parameters
 from stepbus_schemas import (
     Description,
     Point,
@@ -16,22 +14,6 @@ from stepbus_schemas import (
 from stepbus_store.mission.geometry import nearest_quarter
 from stepbus_store.poses import yaw_of
 from stepbus_store.solids import read_solids
-
-
-def types_in(path: Path) -> list[str]:
-    """Return the keys of `stock.types` of a world file.
-
-    Raises ValueError with a sentence for a file without any, or one that cannot be read.
-    """
-    try:
-        data = parameters.read_yaml(path, "a world needs at least 'bodies'").data
-    except SettingsError as exc:
-        raise ValueError(str(exc)) from exc
-    stock = data.get("stock")
-    types = stock.get("types") if isinstance(stock, dict) else None
-    if not isinstance(types, dict) or not types:
-        raise ValueError(f"{path.name} has no stock.types")
-    return list(types)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from stepbus_store.perception.images import Pose, Quaternion, Vector, View, turn
 from stepbus_store.perception.item_catalog import MARGIN, Catalog, Face, ItemType
 from stepbus_store.perception.outlines import fit
 from stepbus_store.perception.segments import Palette, denoised, split, visible_share
-from stepbus_store.poses import rotation
+from stepbus_store.solids import rotation
 
 _RMS = 1.5e-3
 """RMS distance of edge points from the outline that does not reduce the confidence [m]."""

@@ -8,7 +8,8 @@ from stepbus_participant import suggest
 from stepbus_schemas import Detections, Poses, WiringError
 from stepbus_store.perception.images import Pose, Vector, inverse_times
 from stepbus_store.perception.item_catalog import Catalog
-from stepbus_store.poses import check_poses, rotation
+from stepbus_store.poses import check_poses
+from stepbus_store.solids import rotation
 
 
 class CameraMount:

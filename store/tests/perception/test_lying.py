@@ -11,7 +11,7 @@ from stepbus_plant.params import CameraErrors
 from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import make_view
 from stepbus_store.perception.item_catalog import read_catalog
-from stepbus_store.poses import rotation
+from stepbus_store.solids import rotation
 
 HIGH = {"cola": 0.033, "juice": 0.03, "water": 0.032, "soup": 0.035}
 """Height of the axis of an item that lies [m]."""

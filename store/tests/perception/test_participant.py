@@ -30,7 +30,7 @@ from stepbus_store.perception.item_catalog import read_catalog
 from stepbus_store.perception.perception import Perception
 from stepbus_store.perception.segments import Palette
 from stepbus_store.perception.sources import CameraMount
-from stepbus_store.poses import rotation
+from stepbus_store.solids import rotation
 
 MS = 1_000_000
 TYPES = {"rgb": "Image/1", "depth": "Image/1", "joint_state": "JointState/1", "poses": "Poses/1"}

@@ -69,7 +69,7 @@ def test_types_that_differ_are_named_and_compared_as_they_are(path, tmp_path):
     record(other, declaration, thruster)
     found = diff(path, other)
     assert found.equal
-    assert "float[n] [kN] in the second" in " ".join(found.notes)
+    assert 'unit "kN" in the second' in " ".join(found.notes)
 
 
 def test_a_run_without_joints_is_plotted_by_its_own_types(path):

@@ -20,7 +20,7 @@ from stepbus_plant.params import CameraErrors
 from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Poses
 from stepbus_store.perception.images import Pose
-from stepbus_store.poses import rotation
+from stepbus_store.solids import rotation
 
 UPRIGHT = "0 0 0 0 0 0 1"
 SHAPES = {
