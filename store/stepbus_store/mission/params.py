@@ -17,9 +17,10 @@ from stepbus_participant import (
     SettingsError,
     Text,
     Vector3,
+    parameters,
     suggest,
 )
-from stepbus_participant.parameters import Keys, read_yaml
+from stepbus_participant.parameters import Keys
 
 from .geometry import Spot
 
@@ -260,7 +261,7 @@ def _types_in(path: Path) -> list[str]:
     Raises ValueError with a sentence for a file without any, or one that cannot be read.
     """
     try:
-        data = read_yaml(path, "a world needs at least 'bodies'").data
+        data = parameters.read_yaml(path, "a world needs at least 'bodies'").data
     except SettingsError as exc:
         raise ValueError(str(exc)) from exc
     stock = data.get("stock")
