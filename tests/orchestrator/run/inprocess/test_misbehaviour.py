@@ -70,7 +70,6 @@ KINDS = {
 EVERY = (*BEFORE, "step", "stop")
 ALWAYS = {
     ("hang_with_lock", "step"),
-    ("leave_thread", "close"),
     ("fork_twice", "step"),
     ("leave_child", "step"),
 }

@@ -133,7 +133,7 @@ def test_a_run_with_images_under_way_is_verified_and_branched(tmp_path):
     [
         (9, "computed it, was killed by SIGKILL", False),
         (9, "computed it, was killed by SIGKILL", True),
-        (19, "", False),
+        pytest.param(19, "", False, marks=pytest.mark.slow),
         pytest.param(19, "", True, marks=pytest.mark.slow),
     ],
 )
