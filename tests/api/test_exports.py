@@ -1,5 +1,6 @@
 """Exports and reports from Python: what the command line writes."""
 
+import sys
 from types import SimpleNamespace
 
 import av
@@ -8,7 +9,8 @@ import pytest
 
 import stepbus
 from stepbus_orchestrator.cli import main
-from stepbus_tools.viewing.exports import Exported, Exporter
+from stepbus_tools.exporters import Exporter
+from stepbus_tools.viewing.exports import Exported
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +61,11 @@ def test_a_package_may_add_a_form(result, tmp_path, monkeypatch):
         target.write_text(f"{recording.last_step} {unit}")
         return Exported(paths=[target])
 
-    exporter = Exporter(write=write_count, help="how many steps", options={"unit": ("UNIT", "")})
+    monkeypatch.setitem(sys.modules, "counting", SimpleNamespace(write_count=write_count))
+    options = {"unit": ("UNIT", "")}
+    exporter = Exporter(write="counting:write_count", help="how many steps", options=options)
     monkeypatch.setattr(
-        "stepbus_tools.viewing.exports.exporter.named_points",
+        "stepbus_tools.exporters.named_points",
         lambda group: {"count": SimpleNamespace(load=lambda: exporter)},
     )
     (done,) = stepbus.export(result, count=tmp_path / "count.txt").values()

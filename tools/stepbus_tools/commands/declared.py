@@ -48,11 +48,12 @@ class Export(Command, work="recordings", group="look"):
     @classmethod
     def complete(cls) -> type[Command]:
         """Return the class with the options of all installed exporters."""
-        exporters = import_module("stepbus_tools.viewing.exports").exporters()
+        exporters = import_module("stepbus_tools.exporters").exporters()
         rows: list[tuple[str, Any, str, str]] = []
         rows += [(name, Path, one.metavar, one.help) for name, one in exporters.items()]
-        for one in exporters.values():
-            rows += [(name, str, *words) for name, words in one.options.items()]
+        for form, one in exporters.items():
+            for name, (value, text) in one.options.items():
+                rows.append((name, str, value, f"with --{form}: {text}"))
         for name, kind, metavar, text in rows:
             parameter = Parameter(metavar=metavar, help=text)
             cls.__annotations__[name] = Annotated[kind | None, parameter]

@@ -8,9 +8,10 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import WiringError
 from stepbus_tools.commands.declared import Plot, Report
+from stepbus_tools.exporters import exporters
 from stepbus_tools.report.charts import find_signals, signal_names
 from stepbus_tools.report.picture import save
-from stepbus_tools.viewing.exports import damage_line, export, exporters, progress_bar
+from stepbus_tools.viewing.exports import damage_line, export, progress_bar
 from stepbus_tools.viewing.page import write_page
 
 

@@ -1,23 +1,20 @@
-"""Every form that a recording is exported to, found by entry points: `stepbus export`."""
+"""Writes a recording in the forms that it is exported to: `stepbus export`."""
 
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.plugins import named_points
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_participant import suggest
 from stepbus_schemas import ENVELOPE_TYPES, Message, StepbusError, WiringError
 from stepbus_tools.columns import readable
+from stepbus_tools.exporters import exporters
 from stepbus_tools.viewing.scene.scene import Latest, Messages, Scene
-
-EXPORTS = "stepbus.exports"
-"""The group of entry points: name of a form → its `Exporter`."""
 
 Reached = Callable[[int], None]
 """Takes the step that was reached."""
@@ -36,33 +33,6 @@ class Exported:
     paths: Sequence[Path]
     problems: Sequence[str] = ()
     lost: Collection[str] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Exporter:
-    """A form of export.
-
-    write: takes the recording, the target, what is told the step that is reached, and its options
-    by name; returns what it wrote, and raises as `export`. help: of its option of `stepbus export`.
-    options: name of a further one → the name of its value and its help.
-    """
-
-    write: Callable[..., Exported]
-    help: str
-    metavar: str = "FILE"
-    options: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-
-
-def exporters() -> dict[str, Exporter]:
-    """Return form → its exporter; raises WiringError for one that cannot be loaded."""
-    known: dict[str, Exporter] = {}
-    for name, point in named_points(EXPORTS).items():
-        try:
-            known[name] = point.load()
-        except (ImportError, AttributeError) as exc:
-            why = f"the exporter {name!r} cannot be loaded from {point.value}: {exc}"
-            raise WiringError(why) from exc
-    return known
 
 
 def export(
@@ -84,7 +54,8 @@ def export(
             raise WiringError(f"no exporter {form!r}{suggest(form, known)}")
         own = {name: options[name] for name in known[form].options if name in options}
         with progress(form, recording.last_step) as reached:
-            done = known[form].write(recording, target, reached, **own)
+            write = known[form].load()
+            done = write(recording, target, reached, **own)
         yield form, done
 
 

@@ -13,7 +13,6 @@ from stepbus_participant import need
 from stepbus_schemas import Event, Image, JointReference, JointState, Message
 from stepbus_tools.viewing.exports.exporter import (
     Exported,
-    Exporter,
     Reached,
     readable_ports,
     thinned,
@@ -25,7 +24,7 @@ from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.whole_file import replaced
 
 
-def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
+def write(recording: Recording, target: Path, reached: Reached) -> Exported:
     """Write joints, the scene and its frames, images and events."""
     ports, lost = readable_ports(recording)
     scene = build_scene(recording)
@@ -41,9 +40,6 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
                 conversion.take(instant.port, instant.message, t_ns)
     problems = [*scene.notes, *lost.values()]
     return Exported(paths=[target], problems=problems, lost=list(lost))
-
-
-FOXGLOVE = Exporter(write=_export, help="an .mcap for Foxglove and Lichtblick, at 30 Hz")
 
 
 @contextmanager

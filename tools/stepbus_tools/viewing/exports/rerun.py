@@ -23,7 +23,6 @@ from stepbus_tools.columns import LISTS, Field, Table, pieces
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.exports.exporter import (
     Exported,
-    Exporter,
     Instant,
     Reached,
     readable_ports,
@@ -40,7 +39,7 @@ _NO_CURVES = ("Detections/1", "Goal/1", "Image/1", "Poses/1", "Transforms/1")
 _DEPTH = "32FC1"
 
 
-def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
+def write(recording: Recording, target: Path, reached: Reached) -> Exported:
     """Write the scene, the numbers of all ports, events and images."""
     ports, lost = readable_ports(recording)
     scene = build_scene(recording)
@@ -63,9 +62,6 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
         finally:
             file.close()
     return Exported(paths=[target], problems=[*scene.notes, *lost.values()], lost=list(lost))
-
-
-RERUN = Exporter(write=_export, help="an .rrd for Rerun: animated scene, curves, events, images")
 
 
 class _Rrd:

@@ -16,7 +16,6 @@ from stepbus_participant import need
 from stepbus_tools.columns import distinct
 from stepbus_tools.viewing.exports.exporter import (
     Exported,
-    Exporter,
     Rate,
     Reached,
     instants,
@@ -42,7 +41,7 @@ _FOREVER = 2147483647, 4294967295
 """Seconds and nanoseconds."""
 
 
-def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
+def write(recording: Recording, target: Path, reached: Reached) -> Exported:
     """Write the messages that ROS 2 has a type for; `CONVERTED` lists them.
 
     Besides: the frames as /tf, fifty times a second, and /tf_static; the robots' descriptions; what
@@ -107,13 +106,6 @@ def _topics(names: Sequence[str]) -> dict[str, str]:
     }
     order = sorted(legal, key=lambda name: legal[name] != f"/{name}")
     return dict(zip(order, distinct([legal[name] for name in order]), strict=True))
-
-
-ROS2 = Exporter(
-    write=_export,
-    help="a ROS 2 bag of all ports with a ROS 2 type: an .mcap, or a folder with metadata.yaml",
-    metavar="PATH",
-)
 
 
 def _writer(folder: Path) -> Any:

@@ -10,7 +10,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import StepbusError
 from stepbus_tools.report.summary import scenario_name
-from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
+from stepbus_tools.viewing.exports.exporter import Exported, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter, Pixels
 from stepbus_tools.viewing.scene.build import build_scene
@@ -25,7 +25,7 @@ _ASPECT = 1.6
 _DARK = "{darkMode:matchMedia('(prefers-color-scheme: dark)').matches}"
 
 
-def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
+def write(recording: Recording, target: Path, reached: Reached) -> Exported:
     """Write a recording's scene as one HTML file; its problems are what it does not show."""
     html, problems = scene_html(recording, reached)
     with replaced(target) as path:
@@ -67,12 +67,6 @@ def scene_html(recording: Recording, reached: Reached) -> tuple[str, Sequence[st
     finally:
         page.close()
     return html, scene.notes
-
-
-SCENE = Exporter(
-    write=_export,
-    help="animated robot and world with a time slider: one self-contained HTML file",
-)
 
 
 _SIZE = (720, 480)

@@ -32,12 +32,7 @@ from stepbus_tools.columns import (
     readable,
     to_json,
 )
-from stepbus_tools.viewing.exports.exporter import (
-    Exported,
-    Exporter,
-    Reached,
-    nothing_to_export,
-)
+from stepbus_tools.viewing.exports.exporter import Exported, Reached, nothing_to_export
 from stepbus_tools.whole_file import replaced
 
 _GROUP_ROWS = 100_000
@@ -55,7 +50,7 @@ _LONG = (
 """The columns of a file with all ports: a row for each value."""
 
 
-def _export(form: str, recording: Recording, target: Path, reached: Reached) -> Exported:
+def _write(form: str, recording: Recording, target: Path, reached: Reached) -> Exported:
     """Write the messages of all ports as `parquet` or `csv`.
 
     target: a folder, which gets one file for each port, `plant.joint_state.parquet`; or a file
@@ -273,6 +268,4 @@ class _Parquet:
 
 _Sink = _Csv | _Parquet
 
-_HELP = "tables: a folder with one file per port, or a .{} file with one row per value"
-CSV = Exporter(write=partial(_export, "csv"), help=_HELP.format("csv"), metavar="PATH")
-PARQUET = Exporter(write=partial(_export, "parquet"), help=_HELP.format("parquet"), metavar="PATH")
+write_csv, write_parquet = partial(_write, "csv"), partial(_write, "parquet")

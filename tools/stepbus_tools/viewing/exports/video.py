@@ -16,7 +16,7 @@ from stepbus_orchestrator.recording import Port, Recording
 from stepbus_participant import format_duration, need, parse_duration
 from stepbus_schemas import Image, StepbusError, WiringError
 from stepbus_tools.look import PAPER
-from stepbus_tools.viewing.exports.exporter import NS, Exported, Exporter, Rate, Reached
+from stepbus_tools.viewing.exports.exporter import NS, Exported, Rate, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter, Pixels, pixels_of
 from stepbus_tools.viewing.scene.build import build_scene
@@ -39,10 +39,6 @@ _RARE_NS = 1_000_000_000
 """Images that are farther apart on the average make no film [ns]."""
 _TICK = Fraction(1, 90_000)
 """The unit of times in an MP4 [s]; whole ones between the frames at any usual rate."""
-_VIEWPOINT_HELP = (
-    "with --video: camera position for the scene: corner, front, left, right, above, or "
-    "X,Y,Z[:X,Y,Z] [m] (position, and the point it looks at)"
-)
 
 
 Shot = tuple[int, Pixels]
@@ -68,7 +64,7 @@ class _Plan:
         return [self.start_ns + round(number * NS / rate) for number in range(count + 1)]
 
 
-def _export(
+def write(
     recording: Recording,
     target: Path,
     reached: Reached,
@@ -104,26 +100,6 @@ def _export(
         except ValueError as exc:
             raise RecordingFailed(f"{target} cannot be written: {exc}") from exc
     return Exported(paths=[target], problems=problems)
-
-
-VIDEO = Exporter(
-    write=_export,
-    help=".mp4 or .gif of the recorded camera, or of the 3D scene if there is none",
-    options={
-        "camera": (
-            "PORT",
-            "with --video: image port; default: the first with at least one image per second",
-        ),
-        "viewpoint": ("FROM", _VIEWPOINT_HELP),
-        "size": (
-            "WxH",
-            "with --video: image size in pixels; default: 640x480, or that of the camera",
-        ),
-        "fps": ("N", "with --video: frames per second; default: 25, or every camera image"),
-        "from_": ("T", "with --video: simulation time of the first frame, e.g. 2s"),
-        "to": ("T", "with --video: simulation time of the last frame"),
-    },
-)
 
 
 def _plan(history: History, size: str, fps: str, start: str, end: str) -> _Plan:
