@@ -143,7 +143,7 @@ def test_types_that_the_scenario_declares_otherwise_are_refused(thruster, tmp_pa
     (copy / "vehicle.py").write_text(vehicle.replace("types.yaml", "old.yaml"))
     result = run(load(copy, ["duration=1s"]), Options(out=tmp_path / "out"))
     assert result.exit_code == ExitCode.START
-    assert ("float[n] [N] in the program") in result.reason
+    assert 'unit "kN" in the scenario' in result.reason
 
 
 def test_without_a_ticket_it_says_so():

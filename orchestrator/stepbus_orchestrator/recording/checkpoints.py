@@ -14,7 +14,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
-from stepbus_participant import make_folder, read_file, write_file
+from stepbus_participant import make_new_folder, read_file, write_file
 from stepbus_schemas import UNDECODABLE, explained
 
 
@@ -39,6 +39,7 @@ class CheckpointWriter:
     def __init__(self, out: Path) -> None:
         self._folder = out / layout.CHECKPOINTS_FOLDER
         self._states: dict[str, dict[int, str]] = {}
+        self._is_made = False
 
     def add(self, name: str, step: int, state: bytes) -> None:
         """Write the state of a participant; raises RecordingFailed."""
@@ -53,7 +54,9 @@ class CheckpointWriter:
 
     def _write(self, name: str, data: bytes) -> None:
         try:
-            make_folder(self._folder)
+            if not self._is_made:
+                make_new_folder(self._folder)
+                self._is_made = True
             write_file(self._folder / name, data)
         except OSError as exc:
             raise RecordingFailed(f"{self._folder / name}: {exc.strerror}") from exc

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from ompl import base, geometric, util
 
 from stepbus_kinematics import Vector
+from stepbus_participant import need
 
 _ompl_random = threading.Lock()
 """OMPL seeds all its random generators from one global generator."""
@@ -55,11 +55,13 @@ def find_paths(
     The same arguments give the same path in every process: OMPL seeds its random generators from a
     global one at construction, so each search seeds it anew, and searches never run concurrently.
     """
+    # Loaded at the first search: where it is loaded before, OMPL reports leaks at the end (2.0.1).
+    base, geometric, util = need("the planner", "ompl.base", "ompl.geometric", "ompl.util")
     with _ompl_random:
         # Silences a warning about seeding twice, which matters to existing generators only.
         util.setLogLevel(util.LogLevel.LOG_NONE)
         util.RNG.setSeed(search.seed)
-        return _Finder(search, is_free, is_cancelled).find(start, goal)
+        return _Finder(base, geometric, search, is_free, is_cancelled).find(start, goal)
 
 
 class _Checks:
@@ -77,11 +79,13 @@ class _Checks:
 class _Finder:
     def __init__(
         self,
+        base: Any,
+        geometric: Any,
         search: Search,
         is_free: Callable[[Vector], bool],
         is_cancelled: Callable[[], bool],
     ) -> None:
-        self._search = search
+        self._base, self._geometric, self._search = base, geometric, search
         self._is_free, self._is_cancelled = is_free, is_cancelled
         self._size = range(len(search.lower))
         self._checks = _Checks(search, is_free)
@@ -108,18 +112,18 @@ class _Finder:
         return self._checks.left <= 0 or self._is_cancelled()
 
     def find(self, start: Vector, goal: Vector) -> Paths | None:
-        problem = base.ProblemDefinition(self._info)
+        problem = self._base.ProblemDefinition(self._info)
         problem.setStartAndGoalStates(self._state(start), self._state(goal))
-        planner = geometric.RRTConnect(self._info)
+        planner = self._geometric.RRTConnect(self._info)
         planner.setProblemDefinition(problem)
         planner.setRange(self._search.longest)
         planner.setup()
-        planner.solve(base.PlannerTerminationCondition(self._is_over))
+        planner.solve(self._base.PlannerTerminationCondition(self._is_over))
         if not problem.hasExactSolution():
             return None
         path = problem.getSolutionPath()
         paths = [self._points(path)]
-        simplifier = geometric.PathSimplifier(self._info)
+        simplifier = self._geometric.PathSimplifier(self._info)
         simplifier.reduceVertices(path, _SHORTCUTS, _SHORTCUTS)
         simplifier.partialShortcutPath(path, _SHORTCUTS, _SHORTCUTS)
         paths.append(self._points(path))

@@ -26,7 +26,7 @@ SAID_BY = {"AnyWelcome": "welcome-protocol", "StepsMissing": "steps"}
 
 # Mistake → what the kit says of it, by that check.
 SAID = {
-    "AnyWelcome": "it became ready after a Welcome of protocol 1000|did not end within .* of a Welcome",
+    "AnyWelcome": "it became ready after a Welcome of protocol 1000|did not end within .* of a `Welcome`",
     "AsksOne": "reaches both processes on `join` .* did not arrive: it exited with code 1",
     "Clock": r"two runs with the same inputs differ: step \d+: command",
     "ExitsZeroWithoutTicket": "exited with code 0 without a ticket",
