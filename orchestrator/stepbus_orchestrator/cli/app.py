@@ -19,6 +19,7 @@ from cyclopts import (
     MissingArgumentError,
     Parameter,
     UnknownOptionError,
+    UnusedCliTokensError,
 )
 
 from stepbus_orchestrator.plugins import COMMANDS, CommandBroken, named_points
@@ -146,6 +147,8 @@ def _sentence(error: CycloptsError) -> str:
     error.verbose = False
     if isinstance(error, MissingArgumentError) and error.argument and not error.keyword:
         return f"{_label(error.argument)} is missing"
+    if isinstance(error, UnusedCliTokensError):
+        return f"too many arguments: {' '.join(error.unused_tokens or ())}"
     text = str(error)
     if isinstance(error, UnknownOptionError):
         # Many look for an option where the scenario has a value.

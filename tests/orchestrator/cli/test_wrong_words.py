@@ -17,6 +17,7 @@ from stepbus_orchestrator.cli import main
         (["sweep", "two_link", "--seeed=3"], "Did you mean --seed?"),
         (["info", "runs/a", "--josn"], "Did you mean --json?"),
         (["run", "--json"], "SCENARIO is missing"),
+        (["info", "runs/a", "runs/b"], "too many arguments: runs/b"),
         (["ru", "two_link"], "did you mean 'run'?"),
         (["join", "ticket", "--wait", "1 year"], "'1 year' is not a duration"),
         (["--json", "run"], "--json is not an option of stepbus"),
