@@ -3,6 +3,7 @@
 import ast
 import re
 
+import pytest
 from support.paths import CHECKOUT
 
 PARTS = (
@@ -52,6 +53,7 @@ def endless_waits(source):
                 yield call.lineno
 
 
+@pytest.mark.slow
 def test_every_wait_has_a_time_out_or_says_what_bounds_it():
     assert [f"{path}:{n}" for path in SOURCES for n in endless_waits(path.read_text())] == []
 

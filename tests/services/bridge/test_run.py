@@ -31,6 +31,7 @@ LOGGED = {
 }
 
 
+@pytest.mark.slow
 def test_the_format_changes_no_byte_of_what_is_recorded_and_prints_go_to_the_log(tmp_path):
     recorded = []
     for form, line in LOGGED.items():
@@ -45,7 +46,7 @@ def test_the_format_changes_no_byte_of_what_is_recorded_and_prints_go_to_the_log
     ("form", "kind", "code", "sentence"),
     [
         ("json", "raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): python\S* .*\(pid \d+\) exited with code 3; its last output: \".*error: the knee is jammed"),
-        ("msgpack", "child", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been waiting for `python bridged\.py msgpack child 7` for \d+\.\d s; .*and flush the answer\?"),
+        pytest.param("msgpack", "child", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been waiting for `python bridged\.py msgpack child 7` for \d+\.\d s; .*and flush the answer\?", marks=pytest.mark.slow),
         ("json", "long", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
     ],
 )  # fmt: skip

@@ -268,6 +268,7 @@ def test_nobody_is_replaced_on_the_way(recorded, tmp_path):
     assert "held" not in found.result.reason
 
 
+@pytest.mark.slow
 def test_a_run_that_was_held_is_branched_up_to_the_fault(tmp_path):
     held = run_joints(tmp_path, "controller.on_fault=hold", fault("controller", "raise", 60))
     assert branch(held.recording, tmp_path / "b", at=50).result.exit_code == ExitCode.FAULT

@@ -146,6 +146,7 @@ def test_the_user_can_end_it(tmp_path):
     assert result.steps > 0
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_one_that_computes(tmp_path):
     path = write_scenario(tmp_path / "source")
     process = subprocess.Popen(

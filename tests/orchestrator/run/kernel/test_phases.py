@@ -60,6 +60,7 @@ def test_a_failure_goes_straight_to_shutdown_and_stops_everybody_at_once():
     assert run.sink.ends == []
 
 
+@pytest.mark.slow
 def test_a_participant_with_a_fallback_is_replaced_until_the_safe_stop():
     run = RunInMemory(scenario(PLANT, MISSION, HELD, window=1, steps=100), dies=("controller", 3))
     with pytest.raises(ParticipantDied, match="held from step 3 to 5"):

@@ -99,6 +99,7 @@ def test_a_program_for_another_version_of_a_message_is_refused_naming_both_sides
     assert "has JointCommand/2, the scenario" in result.reason
 
 
+@pytest.mark.slow
 def test_a_slow_start_of_one_is_not_blamed_on_those_that_wait_for_it(tmp_path):
     result = run_joints(
         tmp_path, fault("plant", "hang", -1), "plant.ready_timeout=2s", "controller.ready_timeout=1s"

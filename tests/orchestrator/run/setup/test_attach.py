@@ -113,6 +113,7 @@ def test_who_is_killed_is_named(tmp_path, elsewhere):
     assert result.at_step == 30
 
 
+@pytest.mark.slow
 def test_who_is_frozen_is_named(tmp_path, elsewhere):
     processes = []
     result, _ = run_with_external(

@@ -119,6 +119,7 @@ def test_a_plant_leaves_no_copy_behind(tmp_path):
         assert len(copies()) == 1
 
 
+@pytest.mark.slow
 @needs_pybullet
 def test_however_long_the_latency_there_are_few_copies(tmp_path):
     late = FALLING.replace("period: 10ms", "period: 5ms, latency: 100ms")

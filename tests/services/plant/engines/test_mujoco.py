@@ -166,6 +166,7 @@ def hold(folder):
     return make_stand(folder, HOLDS, SHOWS, inputs, proximity=errors, lift=["lift"])
 
 
+@pytest.mark.slow
 def test_a_plant_restored_in_the_middle_of_a_grasp_goes_on_to_the_bit_with_all_its_devices(
     tmp_path,
 ):
