@@ -37,29 +37,6 @@ encode: Callable[[Message | Envelope], bytes] = msgspec.msgpack.Encoder(enc_hook
 """Return the MessagePack map of a message; numbers and arrays of NumPy are numbers and lists."""
 
 
-_LONG = 1 << 16
-"""A longer value has a head of 5 bytes in MessagePack."""
-_MARK = bytes.fromhex("8f1c5ad3e06b47299a0f7ec4b3d82651")
-_PACKED_MARK = bytes((0xC4, len(_MARK))) + _MARK
-
-
-def encode_in_parts(message: Message) -> list[bytes]:
-    """Return what `encode` returns, in parts one after the other; long bytes are not copied."""
-    values = ((name, getattr(message, name)) for name in message.__struct_fields__)
-    long = {name: v for name, v in values if type(v) is bytes and len(v) >= _LONG}
-    if not long:
-        return [encode(message)]
-    packed = encode(msgspec.structs.replace(message, **dict.fromkeys(long, _MARK)))
-    head, *rest = packed.split(_PACKED_MARK)
-    if len(rest) != len(long):
-        # The mark is part of another value too.
-        return [encode(message)]
-    parts = [head]
-    for value, after in zip(long.values(), rest, strict=True):
-        parts += (b"\xc6" + len(value).to_bytes(4, "big"), value, after)
-    return parts
-
-
 def encoding_of(name: str) -> str:
     """Return the Zenoh encoding of a message type, e.g. `application/msgpack;stepbus.Log/1`."""
     return f"application/msgpack;stepbus.{name}"

@@ -20,14 +20,11 @@ from stepbus_schemas import (
     Trigger,
     Types,
     WiringError,
-    declare,
     encode,
-    encode_in_parts,
     encoding_of,
     explained,
     viewing,
 )
-from stepbus_schemas.codec import _MARK, _PACKED_MARK
 
 
 class Inner(msgspec.Struct):
@@ -169,23 +166,3 @@ def outcome(decoder, row):
     except msgspec.DecodeError as exc:
         return str(exc)
     return None
-
-
-def cloud(points, colours, mark=b""):
-    cls = declare("Cloud/1", {"name": "bytes", "points": "bytes", "colours": "bytes", "end": "int"})
-    return cls(name=mark, points=points, colours=colours, end=7)
-
-
-@pytest.mark.parametrize("size", [0, 65_535, 65_536, 300_000])
-def test_a_message_in_parts_is_the_same_bytes_and_long_ones_are_not_copied(size):
-    data = bytes(range(256)) * (size // 256) + bytes(size % 256)
-    for message in (cloud(data, b"small"), cloud(data, data), cloud(b"", data)):
-        parts = encode_in_parts(message)
-        assert b"".join(parts) == encode(message)
-        assert any(part is data for part in parts) == (size >= 65_536)
-
-
-def test_a_message_in_parts_may_hold_the_mark_that_stands_for_long_bytes():
-    mark = _PACKED_MARK * 5_000
-    for message in (cloud(mark, b"small"), cloud(bytes(70_000), b"", _MARK)):
-        assert b"".join(encode_in_parts(message)) == encode(message)

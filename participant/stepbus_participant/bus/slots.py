@@ -11,7 +11,7 @@ import contextlib
 import mmap
 import os
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TypeVar
 
@@ -126,13 +126,12 @@ class SlotWriter:
         self._file: mmap.mmap
         self._base = self._end = self._stride = self._next = 0
 
-    def write(self, step: int, parts: Sequence[bytes]) -> int:
-        """Write the content of a step, in parts; return where its slot begins in the file.
+    def write(self, step: int, content: bytes) -> int:
+        """Write the content of a step; return the offset of its slot in the file [bytes].
 
         Raises BusError where there is no room for the slots, or no longer.
         """
-        length = sum(map(len, parts))
-        size = _HEADER.size + length
+        size = _HEADER.size + len(content)
         try:
             if size > self._stride:
                 self._grow(size)
@@ -149,11 +148,10 @@ class SlotWriter:
             )
         offset = self._base + self._next * self._stride
         self._next = (self._next + 1) % self._count
-        at = offset
+        at = offset + _HEADER.size
         # The header first: whoever still read the slot would find that it has changed.
-        for part in (_HEADER.pack(step, length), *parts):
-            self._file[at : at + len(part)] = part
-            at += len(part)
+        self._file[offset:at] = _HEADER.pack(step, len(content))
+        self._file[at : at + len(content)] = content
         return offset
 
     def _grow(self, size: int) -> None:

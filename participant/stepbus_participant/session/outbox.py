@@ -1,7 +1,6 @@
 """What a participant publishes: one `Outputs` per step to its consumers, and logs in batches."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -23,7 +22,6 @@ from stepbus_schemas import (
     Waiting,
     Welcome,
     encode,
-    encode_in_parts,
     encoding_of,
     explained,
     fields_of,
@@ -31,7 +29,6 @@ from stepbus_schemas import (
     type_name,
 )
 
-_T = TypeVar("_T")
 _PER_NAME = "n"
 """Size of a vector with one value for each name."""
 
@@ -185,15 +182,13 @@ class Outbox:
         bulk: dict[str, int] = {}
         slots: dict[str, int] = {}
         for port, message in (messages or {}).items():
-            if port in self._slots:
-                parts = self._encode(step, port, message, encode_in_parts)
-                bulk[port] = sum(map(len, parts))
-                slots[port] = self._slots[port].write(step, parts)
-                continue
-            data = self._encode(step, port, message, encode)
+            data = self._encode(step, port, message)
             if port in self._own and (problem := self._own[port].problem(message, data)):
                 raise OutputError(f"step {step}: port {port!r}: {problem}")
-            if port in self._put_bulk:
+            if port in self._slots:
+                bulk[port] = len(data)
+                slots[port] = self._slots[port].write(step, data)
+            elif port in self._put_bulk:
                 bulk[port] = len(data)
                 self._put_bulk[port](data, attachment=stamp(step, self._token))
             else:
@@ -227,9 +222,7 @@ class Outbox:
         elif held:
             self._put_batch(encode(Batch(token=self._token, outputs=held)))
 
-    def _encode(
-        self, step: int, port: str, message: Message, encoder: Callable[[Message], _T]
-    ) -> _T:
+    def _encode(self, step: int, port: str, message: Message) -> bytes:
         cls = self._classes.get(port)
         if cls is None:
             known = ", ".join(self._classes) or "none"
@@ -241,7 +234,7 @@ class Outbox:
                 f"step {step}: port {port!r} takes {type_name(cls)}, got {type(message).__name__}"
             )
         try:
-            return encoder(message)
+            return encode(message)
         except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
             raise OutputError(
                 f"step {step}: cannot encode port {port!r}: it {explained(exc)}"

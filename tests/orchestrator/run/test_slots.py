@@ -50,8 +50,8 @@ class Viewer(stepbus.Participant):
 write = slots.SlotWriter.write
 
 
-def write_wrongly(self, step, parts):
-    offset = write(self, step, parts)
+def write_wrongly(self, step, content):
+    offset = write(self, step, content)
     if step == 12:
         if KIND == "cut":
             os.ftruncate(self._fd, offset + 100)
