@@ -237,7 +237,7 @@ class Outbox:
             return encode(message)
         except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
             raise OutputError(
-                f"step {step}: cannot encode port {port!r}: it {explained(exc)}"
+                f"step {step}: cannot encode port {port!r}: {explained(exc)}"
             ) from exc
 
     def _pack(
