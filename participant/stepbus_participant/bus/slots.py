@@ -41,26 +41,19 @@ def read_slot(fd: int, offset: int, step: int, length: int) -> bytes:
     """
     try:
         stamp = _HEADER.pack(step, length)
-        found = os.pread(fd, _HEADER.size, offset)
-        if found == stamp:
+        if os.pread(fd, _HEADER.size, offset) == stamp:
             content = os.pread(fd, length, offset + _HEADER.size)
-            found = os.pread(fd, _HEADER.size, offset)
-            if found == stamp and len(content) == length:
+            if os.pread(fd, _HEADER.size, offset) == stamp and len(content) == length:
                 return content
     except (OSError, OverflowError, MemoryError, struct.error) as exc:
         raise SlotError(f"its slot of {length} bytes cannot be read: {exc}") from exc
-    raise _holds(found, length)
+    raise _differs(step, length)
 
 
-def _holds(header: bytes | memoryview, length: int) -> SlotError:
-    return SlotError(f"its slot of {length} bytes holds {_shown(header)}; was the file modified?")
-
-
-def _shown(header: bytes | memoryview) -> str:
-    if len(header) < _HEADER.size:
-        return "nothing"
-    step, length = _HEADER.unpack(header)
-    return f"step {step} with {length} bytes, or less"
+def _differs(step: int, length: int) -> SlotError:
+    return SlotError(
+        f"its slot does not hold the {length} bytes of step {step}; was the file modified?"
+    )
 
 
 class _ReadFile:
@@ -109,8 +102,8 @@ class SlotContent:
                 return decode(slot[_HEADER.size :])
         finally:
             if header != stamp:
-                raise _holds(header, length)
-        raise _holds(header, length)
+                raise _differs(step, length)
+        raise _differs(step, length)
 
 
 class SlotWriter:

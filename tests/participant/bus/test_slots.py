@@ -43,7 +43,7 @@ def test_a_slot_that_was_used_again_is_found(file):
     offsets = [writer.write(step, b"content") for step in range(3)]
     assert offsets[0] == offsets[2] != offsets[1]
     for take in (read_slot, mapped):
-        with pytest.raises(SlotError, match="holds step 2 with 7 bytes"):
+        with pytest.raises(SlotError, match="does not hold the 7 bytes of step 0"):
             take(fd, offsets[0], 0, 7)
 
 
@@ -56,17 +56,17 @@ def test_what_is_written_while_it_is_decoded_is_found_even_where_it_cannot_be_de
         writer.write(1, b"another")
         raise ValueError(view)
 
-    with pytest.raises(SlotError, match="holds step 1 with 7 bytes"):
+    with pytest.raises(SlotError, match="does not hold the 7 bytes of step 0"):
         content.decoded(decode)
 
 
 @pytest.mark.parametrize(
     ("offset", "length", "found"),
     [
-        (0, 6, "holds step 5 with 7 bytes"),
-        (1, 7, "holds step"),
-        (1 << 40, 7, "holds nothing"),
-        (1 << 63, 7, "cannot be read|holds nothing"),
+        (0, 6, "does not hold the 6 bytes of step 5"),
+        (1, 7, "does not hold"),
+        (1 << 40, 7, "does not hold"),
+        (1 << 63, 7, "cannot be read|does not hold"),
         (0, 1 << 63, "cannot be read"),
     ],
 )
