@@ -9,7 +9,7 @@ from stepbus_schemas import Description, Message, MessageError, RunError, Wiring
 
 from .calls import Method
 from .config import Config
-from .session.inputs import Input
+from .inputs import Input
 
 _M = TypeVar("_M", bound=Message)
 

@@ -8,10 +8,10 @@ import msgspec
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import CheckpointOrder
+from stepbus_participant.inputs import Input, Source
 from stepbus_participant.participant import Participant
 from stepbus_schemas import UNDECODABLE, RunError, Welcome, encode, error_text, explained
 
-from .inputs import Input, Source
 from .outbox import stamp
 
 ENCODING = "application/octet-stream"

@@ -9,6 +9,7 @@ from stepbus_participant.bus import Bus, BusError, Queue
 from stepbus_participant.bus.slots import Slots
 from stepbus_participant.bus.ticket import Ticket
 from stepbus_participant.config import Config
+from stepbus_participant.inputs import Input, PeerFault, make_sources
 from stepbus_participant.participant import InvalidInput, Participant
 from stepbus_schemas import (
     Fault,
@@ -27,7 +28,6 @@ from stepbus_schemas import (
 
 from .admission import await_delivery, await_start, declared_ports, join
 from .control import Control, OrchestratorLost, Stopped, watched_orders
-from .inputs import Input, PeerFault, make_sources
 from .outbox import Outbox, OutputError, names_of
 from .step_loop import StepLoop
 

@@ -11,12 +11,12 @@ import msgspec
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.slots import SlotError, Slots
 from stepbus_participant.bus.ticket import Ticket
+from stepbus_participant.inputs import Input, PeerFault, Source
 from stepbus_participant.participant import Participant, Step, StepsOver
 from stepbus_schemas import HANDSHAKE_STEP, Message, Outputs, Waiting, Welcome, reached
 
 from .checkpoints import Checkpoints
 from .control import Control, Stopped
-from .inputs import Input, PeerFault, Source
 from .outbox import Outbox, OutputError, read_stamp
 from .profile import Profiler
 

@@ -7,7 +7,7 @@ import pytest
 
 from stepbus_participant import SlotError
 from stepbus_participant.bus.slots import SlotContent, Slots, SlotWriter, _ReadFile, read_slot
-from stepbus_participant.session.inputs import Input
+from stepbus_participant.inputs import Input
 from stepbus_schemas import BytesMessage, InputConfig, Message, OutputConfig, Welcome, encode
 
 

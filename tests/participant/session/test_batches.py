@@ -6,7 +6,7 @@ from collections import defaultdict
 import msgspec
 import pytest
 
-from stepbus_participant.session.inputs import Input, PeerFault, make_sources
+from stepbus_participant.inputs import Input, PeerFault, make_sources
 from stepbus_participant.session.outbox import BATCH_BYTES, HOLD_NS, Outbox
 from stepbus_schemas import (
     Batch,
