@@ -57,9 +57,7 @@ class SchemaWriter:
         tag, kinds = settings.kinds
         properties, required = {}, []
         for cls in dict.fromkeys((settings, *kinds.values())):
-            texts = {
-                k: v for base in reversed(cls.__mro__) for k, v in field_docstrings(base).items()
-            }
+            texts = field_docstrings(cls)
             for key, field in fields_of(cls).items():
                 words = [word for word, kind in kinds.items() if key in fields_of(kind)]
                 condition = (

@@ -20,6 +20,7 @@ from .config import *
 from .disk import *
 from .environment import *
 from .files import *
+from .inputs import Input as Input
 from .packages import *
 from .parameters.durations import *
 from .parameters.kinds import *
@@ -28,7 +29,6 @@ from .parameters.problems import *
 from .parameters.settings import *
 from .participant import *
 from .process import *
-from .session.inputs import Input as Input
 from .session.outbox import OutputError as OutputError
 from .session.outbox import names_of as names_of
 from .session.outbox import own_types as own_types

@@ -21,11 +21,7 @@ def find_file(name: str, folder: Path) -> Path:
     Raises WiringError when there is no such file, or no such package (see `package_path`).
     """
     path = package_path(name, folder) if name.startswith("package://") else folder / name
-    try:
-        exists = path.exists()
-    except OSError:
-        exists = False
-    if not exists:
+    if not _exists(path):
         raise WiringError(f"file {name!r} not found ({path})")
     return path
 
@@ -40,32 +36,33 @@ def package_path(url: str, folder: Path | None = None) -> Path:
     package, _, rest = url.removeprefix("package://").lstrip("/").partition("/")
     if rest.startswith("/") or ".." in rest.split("/"):
         raise WiringError(f"{url} points outside its package; name a file inside it, without `..`")
-    if (installed := _installed(package)) is not None:
-        return installed / rest
-    local = None if folder is None else _local(package, rest, folder)
-    if local is not None:
-        return local
-    above = f", and no folder {package!r} in or above {folder} has the file"
-    where = "" if folder is None else above
-    hint = extra_hint(package)
-    raise WiringError(f"{url}: package {package!r} is not installed{hint or where}")
+    return package_folder(package, folder, rest) / rest
 
 
-def package_folder(package: str, folder: Path) -> Path:
-    """Return the folder of a package, as `$(find <package>)` names it.
+def package_folder(package: str, folder: Path | None, rest: str = "") -> Path:
+    """Return the folder of a package, as `$(find <package>)` names it; see `package_path`.
 
-    It is that of `package_path`, or else a folder of its name in `folder` or above it.
-    Raises WiringError when there is none.
+    rest: path of a file that a folder which is not installed has to have. Raises WiringError when
+    there is no such package.
     """
     if (installed := _installed(package)) is not None:
         return installed
-    for parent in (folder, *folder.absolute().parents):
-        if parent.name == package or (parent / package).is_dir():
-            return parent if parent.name == package else parent / package
-    raise WiringError(
-        f"$(find {package}): package {package!r} is not installed{extra_hint(package)}, and no "
-        f"folder {package!r} is in or above {folder}"
-    )
+    above = () if folder is None else (folder, *folder.absolute().parents)
+    for parent in above:
+        for place in (parent / package, parent):
+            if place.name == package and _exists(place / rest):
+                return place
+    where = f", and no folder {package!r} is in or above {folder}" if above else ""
+    where += f" and has {rest}" if above and rest else ""
+    raise WiringError(f"package {package!r} is not installed{extra_hint(package) or where}")
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:
+        # A name that is too long, for example.
+        return False
 
 
 def _installed(package: str) -> Path | None:
@@ -78,16 +75,6 @@ def _installed(package: str) -> Path | None:
         return None
     share = Path(cmeel.origin).parent.parent / "cmeel.prefix" / "share" / package
     return share if package and share.is_dir() else None
-
-
-def _local(package: str, rest: str, folder: Path) -> Path | None:
-    for parent in (folder, *folder.absolute().parents):
-        try:
-            if package and (parent / package / rest).is_file():
-                return parent / package / rest
-        except OSError:
-            continue
-    return None
 
 
 _MOST_BYTES = 1024**3

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Protocol, TypeVar, overload
+from typing import Any, ClassVar, TypeVar, overload
 
 from stepbus_schemas import Description, Message, MessageError, RunError, WiringError, suggest
 
 from .calls import Method
 from .config import Config
+from .inputs import Input
 
 _M = TypeVar("_M", bound=Message)
 
@@ -42,25 +43,10 @@ class UnknownInput(WiringError, KeyError):
     __str__ = Exception.__str__
 
 
-class _Input(Protocol):
-    """An input of a step: its newest message, and whether that is new at this step."""
-
-    @property
-    def value(self) -> Message | None:
-        """Return the message; None while there is none."""
-
-    @property
-    def fresh(self) -> bool:
-        """Return whether it is new at this step."""
-
-    def read_as(self, cls: type[Message]) -> Message | None:
-        """Return it as another class of its type; raises MessageError, WiringError."""
-
-
-class _Inputs(dict[str, _Input]):
+class _Inputs(dict[str, Input]):
     """The inputs of a participant by name."""
 
-    def __missing__(self, port: str) -> _Input:
+    def __missing__(self, port: str) -> Input:
         raise UnknownInput(f"unknown input {port!r}{suggest(port, self)}")
 
 
@@ -70,7 +56,7 @@ class Step:
     index: number of the step. t_ns: simulation time [ns].
     """
 
-    def __init__(self, inputs: Mapping[str, _Input], step_ns: int) -> None:
+    def __init__(self, inputs: Mapping[str, Input], step_ns: int) -> None:
         self._inputs = _Inputs(inputs)
         self._step_ns = step_ns
         self.index = 0

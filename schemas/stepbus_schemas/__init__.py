@@ -15,7 +15,6 @@ from .marks import *
 from .messages import *
 from .protocol import *
 from .shapes import *
-from .versions import *
 
 if TYPE_CHECKING:
     from .bridge import *

@@ -1,4 +1,4 @@
-"""Messages to bytes and back, and what is wrong with bytes, in sentences for people."""
+"""Messages to bytes and back, and what is wrong with bytes."""
 
 import ast
 import re
@@ -35,29 +35,6 @@ def _plain(value: Any) -> Any:
 
 encode: Callable[[Message | Envelope], bytes] = msgspec.msgpack.Encoder(enc_hook=_plain).encode
 """Return the MessagePack map of a message; numbers and arrays of NumPy are numbers and lists."""
-
-
-_LONG = 1 << 16
-"""A longer value has a head of 5 bytes in MessagePack."""
-_MARK = bytes.fromhex("8f1c5ad3e06b47299a0f7ec4b3d82651")
-_PACKED_MARK = bytes((0xC4, len(_MARK))) + _MARK
-
-
-def encode_in_parts(message: Message) -> list[bytes]:
-    """Return what `encode` returns, in parts one after the other; long bytes are not copied."""
-    values = ((name, getattr(message, name)) for name in message.__struct_fields__)
-    long = {name: v for name, v in values if type(v) is bytes and len(v) >= _LONG}
-    if not long:
-        return [encode(message)]
-    packed = encode(msgspec.structs.replace(message, **dict.fromkeys(long, _MARK)))
-    head, *rest = packed.split(_PACKED_MARK)
-    if len(rest) != len(long):
-        # The mark is part of another value too.
-        return [encode(message)]
-    parts = [head]
-    for value, after in zip(long.values(), rest, strict=True):
-        parts += (b"\xc6" + len(value).to_bytes(4, "big"), value, after)
-    return parts
 
 
 def encoding_of(name: str) -> str:
@@ -100,7 +77,7 @@ class Decoder(Generic[_T]):
         return any("memoryview" in repr(field.type) for field in msgspec.structs.fields(self._cls))
 
     def error(self, exc: Exception) -> MessageError:
-        """Return what `plain` has raised as a sentence."""
+        """Return the MessageError of an exception that `plain` has raised."""
         return MessageError(f"not a {self._name}: {explained(exc, self._cls)}")
 
 
@@ -121,83 +98,26 @@ def _is_bytes(field: msgspec.structs.FieldInfo) -> bool:
     return field.required and bytes is (field.type if is_bare else get_args(field.type)[0])
 
 
-_PLACE = re.compile(r"(.*?)(?: - at (`key` in )?`\$(.*)`)?", re.DOTALL)
-_NOUNS = {
-    "array": "a list",
-    "object": "a map",
-    "str": "text",
-    "int": "an integer",
-    "float": "a number",
-    "bool": "true or false",
-    "null": "null",
-    "None": "null",
-    "ext": "an extension of MessagePack",
-}
-_RULES = (
-    (r"Object missing required field `(.*)`", r"the field '\1' is missing"),
-    (r"Object contains unknown field `(.*)`", r"unknown field '\1'"),
-    (r"Expected `array` of length (\d+), got (\d+)", r"must be a list of \1, not of \2"),
-    (r"Expected `array` of length >= (\d+)", r"must be a list of at least \1"),
-    (r"Expected `array` of length <= (\d+)", r"must be a list of at most \1"),
-    (r"Expected `str` of length >= 1", r"must not be empty"),
-    (r"Expected `(?:int|float)` >= (.*)", r"must be at least \1"),
-    (r"Expected `(?:int|float)` <= (.*)", r"must be at most \1"),
-    (r"Expected `(?:int|float)` > (.*)", r"must be above \1"),
-    (r"Expected `(?:int|float)` < (.*)", r"must be below \1"),
-    (r"Input data was truncated", r"ends in the middle of a value"),
-    (r"(\w+)(?: data)? is malformed: (.*) \(byte (\d+)\)", r"is no \1 from byte \3 on: \2"),
-)
-_OTHERS = (
-    (UnicodeDecodeError, "has text that is not UTF-8"),
-    (UnicodeEncodeError, "has text that is not valid Unicode"),
-    (RecursionError, "is nested too deeply"),
-    (OverflowError, "has an integer that does not fit into 64 bits"),
-)
-
-
 def explained(exc: Exception, cls: Any = Any) -> str:
     """Return the message of an exception of msgspec, or of the file that it was to read.
 
+    Such as "values[0]: Expected `float`, got `str`": the path comes first.
     cls: the type that was decoded; with it, the message about a wrong word lists the right ones.
     """
     if isinstance(exc, OSError):
         return exc.strerror or str(exc)
-    for kind, sentence in _OTHERS:
-        if isinstance(exc, kind):
-            return sentence
-    if not isinstance(exc, msgspec.DecodeError):
-        unsupported = re.fullmatch(r"Encoding objects of type (.*) is unsupported", str(exc))
-        if unsupported is None:
-            return str(exc)
-        return f"has a value of type {unsupported[1]}, which no message can carry"
-    match = _PLACE.fullmatch(str(exc))
-    text, key, path = match.groups("") if match else (str(exc), "", "")
-    meaning, where = _meaning(text, cls, path), path.removeprefix(".")
-    if key:
-        where = f"a key of {where or 'it'}"
-    joint = " " if meaning.startswith("must ") else ": "
-    return f"{where}{joint}{meaning}" if where else meaning
-
-
-def _meaning(text: str, cls: Any, path: str) -> str:
-    for pattern, sentence in _RULES:
-        match = re.fullmatch(pattern, text)
-        if match:
-            return match.expand(sentence)
+    text, _, place = str(exc).partition(" - at ")
+    path = place.replace("`", "").removeprefix("$").removeprefix(".")
     word = re.fullmatch(r"Invalid enum value (.*)", text, re.DOTALL)
     if word and (words := _words_at(cls, path)):
-        return wrong_word(ast.literal_eval(word[1]), words)
-    mistyped = re.fullmatch(r"Expected `(.*)`, got `(.*)`", text)
-    if mistyped:
-        wanted = " or ".join(_NOUNS.get(name, name) for name in mistyped[1].split(" | "))
-        return f"must be {wanted}, not {_NOUNS.get(mistyped[2], mistyped[2])}"
-    return text
+        text = wrong_word(ast.literal_eval(word[1]), words)
+    return f"{path}: {text}" if path else text
 
 
 def _words_at(cls: Any, path: str) -> list[str]:
-    """Return the words that a type allows for the field of a path such as `.joints[0].mode`."""
+    """Return the words that a type allows for the field of a path such as `joints[0].mode`."""
     (root,), parts = msgspec.json.schema_components([cls])
-    name = next(reversed(re.findall(r"\.(\w+)", path)), "")
+    name = next(reversed(re.findall(r"[a-z]\w*", path)), "")
     nodes = [part["properties"][name] for part in parts.values() if name in part["properties"]]
     return list(dict.fromkeys(str(word) for node in nodes or [root] for word in _words(node)))
 

@@ -26,6 +26,22 @@ class Envelope(_Part, frozen=True):
     """Base of every protocol message."""
 
 
+class _Signed(Envelope, frozen=True):
+    """Base of the envelopes that begin with the token."""
+
+    token: str
+    """The run's secret."""
+
+
+class _FromParticipant(Envelope, frozen=True):
+    """Base of the envelopes that a participant signs."""
+
+    name: str
+    """Name of the participant."""
+    token: str
+    """The run's secret."""
+
+
 class Description(_Part, frozen=True):
     """Description of one output: names, order and limits of its vectors."""
 
@@ -147,13 +163,9 @@ class CallDescription(_Part, frozen=True):
     """Whether it may change the result; such calls are recorded with their step."""
 
 
-class Ready(Envelope, frozen=True):
+class Ready(_FromParticipant, frozen=True):
     """The model is loaded, and every source is connected."""
 
-    name: str
-    """Name of the participant."""
-    token: str
-    """The run's secret."""
     outputs: dict[str, Description] = {}
     """Output → its description."""
     versions: dict[str, str] = {}
@@ -164,11 +176,9 @@ class Ready(Envelope, frozen=True):
     """Bulk outputs, `<participant>.<port>`, whose slot file it has opened."""
 
 
-class Start(Envelope, frozen=True):
+class Start(_Signed, frozen=True):
     """All participants are ready: the run starts at step 0."""
 
-    token: str
-    """The run's secret."""
     inputs: dict[str, dict[str, Description]]
     """Participant → input → description."""
     batches: dict[str, _Positive] = {}
@@ -177,20 +187,16 @@ class Start(Envelope, frozen=True):
     """Bulk output, `<participant>.<port>`, that uses slots → number of slots."""
 
 
-class Trigger(Envelope, frozen=True):
+class Trigger(_Signed, frozen=True):
     """Permission to work on all steps below `step_limit`."""
 
-    token: str
-    """The run's secret."""
     step_limit: _NonNegative
     """First step not released yet; never decreases."""
 
 
-class Outputs(Envelope, frozen=True):
+class Outputs(_Signed, frozen=True):
     """All outputs of a participant at one step."""
 
-    token: str
-    """The run's secret."""
     step: int
     """Number of the step; -1: a handshake, which carries no data."""
     t_ns: int
@@ -205,11 +211,9 @@ class Outputs(Envelope, frozen=True):
     """Why the run should end after this step; otherwise absent."""
 
 
-class Batch(Envelope, frozen=True):
+class Batch(_Signed, frozen=True):
     """Several steps of a participant that no other waits for, in one message."""
 
-    token: str
-    """The run's secret."""
     outputs: list[msgspec.Raw]
     """`Outputs`, in the order of their steps."""
 
@@ -223,13 +227,9 @@ class Waiting(_Part, frozen=True):
     """Sources whose outputs are missing; empty: it waits for the trigger."""
 
 
-class Log(Envelope, frozen=True):
+class Log(_FromParticipant, frozen=True):
     """A batch of outputs of one participant, for the recording."""
 
-    name: str
-    """Name of the participant."""
-    token: str
-    """The run's secret."""
     outputs: list[msgspec.Raw] = []
     """The `Outputs`, byte for byte as published, in the order of their steps."""
     timing: list[tuple[int, int, int]] = []
@@ -240,13 +240,9 @@ class Log(Envelope, frozen=True):
     """Cause → messages dropped so far: `duplicate`, `malformed`, `stale`, `unauthenticated`."""
 
 
-class Fault(Envelope, frozen=True):
+class Fault(_FromParticipant, frozen=True):
     """A participant cannot continue."""
 
-    name: str
-    """Name of the participant."""
-    token: str
-    """The run's secret."""
     step: int
     """The step it was executing; negative: before the first."""
     type: str
@@ -259,22 +255,18 @@ class Fault(Envelope, frozen=True):
     """Participant that caused it, if not the sender."""
 
 
-class Stop(Envelope, frozen=True):
+class Stop(_Signed, frozen=True):
     """The run ends."""
 
-    token: str
-    """The run's secret."""
     reason: str
     """Why the run ends, for the user."""
     at_step: int
     """Number of steps of the run, after which to end (P11); negative: end now."""
 
 
-class Call(Envelope, frozen=True):
+class Call(_Signed, frozen=True):
     """The orchestrator calls a method of a participant, between two steps."""
 
-    token: str
-    """The run's secret."""
     id: _NonNegative
     """Number of the call, increasing; a repeated call is answered again, but not executed."""
     method: str
@@ -283,13 +275,9 @@ class Call(Envelope, frozen=True):
     """Arguments."""
 
 
-class Called(Envelope, frozen=True):
+class Called(_FromParticipant, frozen=True):
     """The answer to a `Call`."""
 
-    name: str
-    """Name of the participant."""
-    token: str
-    """The run's secret."""
     id: _NonNegative
     """Number of the call."""
     value: Any = None
@@ -298,11 +286,9 @@ class Called(Envelope, frozen=True):
     """Why the call failed, for the user; a failed call changes nothing."""
 
 
-class CallRequest(Envelope, frozen=True):
+class CallRequest(_Signed, frozen=True):
     """A request from outside the run to call a participant."""
 
-    token: str
-    """The run's secret."""
     participant: str = ""
     """Participant to call; empty: the reply lists all methods."""
     method: str = ""
@@ -358,7 +344,12 @@ class Chain(Envelope, frozen=True):
 
 
 ENVELOPE_TYPES: dict[str, type[Envelope]] = dict(
-    sorted((f"{cls.__name__}/1", cls) for cls in Envelope.__subclasses__())
+    sorted(
+        (f"{cls.__name__}/1", cls)
+        for base in (Envelope, _Signed, _FromParticipant)
+        for cls in base.__subclasses__()
+        if not cls.__name__.startswith("_")
+    )
 )
 
 
@@ -369,3 +360,31 @@ def due_step(step: int, delay: int = 0, every: int = 1) -> int:
     """
     reach = step - delay
     return reach - reach % every
+
+
+class Protocols(msgspec.Struct, frozen=True):
+    """A range of protocol numbers, with both ends; empty where lowest > highest."""
+
+    lowest: int
+    highest: int
+
+    def __str__(self) -> str:
+        """Return `protocol 2`, or `protocols 2 to 3`."""
+        if self.lowest == self.highest:
+            return f"protocol {self.highest}"
+        return f"protocols {self.lowest} to {self.highest}"
+
+    def common(self, other: "Protocols") -> int | None:
+        """Return the highest number that is in both ranges; None where there is none."""
+        lowest, highest = max(self.lowest, other.lowest), min(self.highest, other.highest)
+        return highest if lowest <= highest else None
+
+
+SPOKEN = Protocols(PROTOCOL_VERSION, PROTOCOL_VERSION)
+"""What the orchestrator and the participants of this library speak."""
+
+
+def offered(hello: Hello) -> Protocols:
+    """Return the numbers that a program speaks."""
+    lowest = hello.lowest_protocol
+    return Protocols(hello.protocol if lowest is None else lowest, hello.protocol)

@@ -64,9 +64,10 @@ def _describe(cls: type, name: str, schema: dict[str, Any]) -> None:
 
 @cache
 def field_docstrings(cls: type) -> dict[str, str]:
-    """Return the string below each annotated field; Python itself keeps none of them."""
+    """Return field → the string below it, bases included; Python itself keeps none of them."""
     definition = _definition(cls)
-    return {
+    inherited = field_docstrings(cls.__base__) if cls.__base__ else {}
+    return inherited | {
         field.target.id: text.value.value
         for field, text in pairwise(definition.body if definition else ())
         if isinstance(field, ast.AnnAssign)

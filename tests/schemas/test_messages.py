@@ -28,9 +28,9 @@ from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Endpoint, Ticket
+from stepbus_participant.inputs import Input, PeerFault, make_sources
 from stepbus_participant.session.admission import join
 from stepbus_participant.session.control import Control, OrchestratorLost, watched_orders
-from stepbus_participant.session.inputs import Input, PeerFault, make_sources
 from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode
 
 TO_ORCHESTRATOR = ["join", "ready/controller", "log/controller", "fault/controller"]
@@ -152,6 +152,7 @@ WELCOME = Welcome(
     protocol=2, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
     batch=1, seed=0, inputs={}, outputs={}, params={}, folder="/",
 )  # fmt: skip
+TICKET = Ticket(run="r", name="controller", token=TOKEN, endpoint=Endpoint(listen=[], connect=[]))
 
 
 @pytest.mark.parametrize("key", TO_PARTICIPANTS)
@@ -206,23 +207,18 @@ def test_a_mutated_port_message_is_blamed_on_its_sender():
 
 def test_a_mutated_answer_to_a_hello_is_refused_in_a_sentence():
     mutator = Mutator(9)
-    welcome = Welcome(
-        protocol=2, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
-        batch=1, seed=0, inputs={}, outputs={}, params={"gains": [1, {"a": None}]}, folder="/",
-    )  # fmt: skip
-    ticket = Ticket(run="r", name="controller", token=TOKEN, endpoint=Endpoint(listen=[], connect=[]))  # fmt: skip
+    welcome = msgspec.structs.replace(WELCOME, params={"gains": [1, {"a": None}]})
     for _ in range(PER_KEY):
         answer = mutator.broken(welcome)
         with pytest.raises(
             (RunError, MessageError), match=r"answer to Hello|the orchestrator speaks"
         ):
-            join(SimpleNamespace(clock=time, query=lambda *_, reply=answer: [reply]), ticket)
+            join(SimpleNamespace(clock=time, query=lambda *_, reply=answer: [reply]), TICKET)
 
 
 def test_whoever_else_answers_a_hello_keeps_nobody_out():
     unauthenticated = msgspec.structs.replace(WELCOME, token=OLD_TOKEN)
     answers = [encode(Refusal(reason="go away")), b"\xc1", encode(unauthenticated), encode(WELCOME)]
-    ticket = Ticket(run="r", name="controller", token=TOKEN, endpoint=Endpoint(listen=[], connect=[]))  # fmt: skip
-    assert join(SimpleNamespace(clock=time, query=lambda *_: answers), ticket) == WELCOME
+    assert join(SimpleNamespace(clock=time, query=lambda *_: answers), TICKET) == WELCOME
     with pytest.raises(RunError, match="go away"):
-        join(SimpleNamespace(clock=time, query=lambda *_: answers[:3]), ticket)
+        join(SimpleNamespace(clock=time, query=lambda *_: answers[:3]), TICKET)

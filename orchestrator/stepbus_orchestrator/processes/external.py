@@ -101,7 +101,7 @@ def _read(path: Path) -> JoinTicket:
         try:
             return msgspec.json.decode(file.read(), type=JoinTicket)
         except UNDECODABLE as exc:
-            raise WiringError(f"{path}: not a ticket: it {explained(exc)}") from exc
+            raise WiringError(f"{path}: not a ticket: {explained(exc)}") from exc
 
 
 class External(Process):

@@ -11,7 +11,7 @@ import contextlib
 import mmap
 import os
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TypeVar
 
@@ -41,26 +41,19 @@ def read_slot(fd: int, offset: int, step: int, length: int) -> bytes:
     """
     try:
         stamp = _HEADER.pack(step, length)
-        found = os.pread(fd, _HEADER.size, offset)
-        if found == stamp:
+        if os.pread(fd, _HEADER.size, offset) == stamp:
             content = os.pread(fd, length, offset + _HEADER.size)
-            found = os.pread(fd, _HEADER.size, offset)
-            if found == stamp and len(content) == length:
+            if os.pread(fd, _HEADER.size, offset) == stamp and len(content) == length:
                 return content
     except (OSError, OverflowError, MemoryError, struct.error) as exc:
         raise SlotError(f"its slot of {length} bytes cannot be read: {exc}") from exc
-    raise _holds(found, length)
+    raise _differs(step, length)
 
 
-def _holds(header: bytes | memoryview, length: int) -> SlotError:
-    return SlotError(f"its slot of {length} bytes holds {_shown(header)}; was the file modified?")
-
-
-def _shown(header: bytes | memoryview) -> str:
-    if len(header) < _HEADER.size:
-        return "nothing"
-    step, length = _HEADER.unpack(header)
-    return f"step {step} with {length} bytes, or less"
+def _differs(step: int, length: int) -> SlotError:
+    return SlotError(
+        f"its slot does not hold the {length} bytes of step {step}; was the file modified?"
+    )
 
 
 class _ReadFile:
@@ -109,8 +102,8 @@ class SlotContent:
                 return decode(slot[_HEADER.size :])
         finally:
             if header != stamp:
-                raise _holds(header, length)
-        raise _holds(header, length)
+                raise _differs(step, length)
+        raise _differs(step, length)
 
 
 class SlotWriter:
@@ -126,13 +119,12 @@ class SlotWriter:
         self._file: mmap.mmap
         self._base = self._end = self._stride = self._next = 0
 
-    def write(self, step: int, parts: Sequence[bytes]) -> int:
-        """Write the content of a step, in parts; return where its slot begins in the file.
+    def write(self, step: int, content: bytes) -> int:
+        """Write the content of a step; return the offset of its slot in the file [bytes].
 
         Raises BusError where there is no room for the slots, or no longer.
         """
-        length = sum(map(len, parts))
-        size = _HEADER.size + length
+        size = _HEADER.size + len(content)
         try:
             if size > self._stride:
                 self._grow(size)
@@ -149,11 +141,10 @@ class SlotWriter:
             )
         offset = self._base + self._next * self._stride
         self._next = (self._next + 1) % self._count
-        at = offset
+        at = offset + _HEADER.size
         # The header first: whoever still read the slot would find that it has changed.
-        for part in (_HEADER.pack(step, length), *parts):
-            self._file[at : at + len(part)] = part
-            at += len(part)
+        self._file[offset:at] = _HEADER.pack(step, len(content))
+        self._file[at : at + len(content)] = content
         return offset
 
     def _grow(self, size: int) -> None:

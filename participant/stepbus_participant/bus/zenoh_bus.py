@@ -13,7 +13,6 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from ..environment import variables
 from . import BusError, Clock, Queue, Request, Sample, every_on_a_thread
 from .ticket import Endpoint, private_folder
 
@@ -34,23 +33,6 @@ _SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")
 """Where in Zenoh's source an error was made, on the machine that built it."""
 _ACCEPT_MS = 1000
 """How long a link may take to open; a session that closes waits for those that never do."""
-
-_opening = threading.Lock()
-_has_thread = threading.Event()
-
-
-@contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
-    """Open a session with a single thread: Zenoh reads that from the environment only.
-
-    It does so for the first session of a process, whose thread serves the later ones.
-    """
-    with _opening:
-        known = ONE_THREAD if _has_thread.is_set() else os.environ
-        with variables({name: how for name, how in ONE_THREAD.items() if name not in known}):
-            yield
-        _has_thread.set()
-
 
 _kept = threading.local()
 
@@ -171,8 +153,7 @@ class ZenohBus:
             config = zenoh.Config()
             for path, value in zenoh_settings(endpoint, users_file).items():
                 config.insert_json5(path, json.dumps(value))
-            with _one_thread():
-                self._session: Any = _opened(zenoh, config)
+            self._session: Any = _opened(zenoh, config)
         except zenoh.ZError as exc:
             where = ", ".join(endpoint.listen)
             why = _SOURCE.sub("", str(exc)).strip()

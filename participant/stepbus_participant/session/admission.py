@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import Ticket
+from stepbus_participant.inputs import Source
 from stepbus_participant.packages import installed_version
 from stepbus_participant.participant import PortType
 from stepbus_schemas import (
@@ -30,7 +31,6 @@ from stepbus_schemas import (
 )
 
 from .control import Control
-from .inputs import Source
 from .outbox import Outbox
 
 _decode_welcome = Decoder(Welcome)

@@ -1,5 +1,6 @@
 """Saves the state of a participant between two steps, and starts from a saved one (P16)."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -7,10 +8,10 @@ import msgspec
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import CheckpointOrder
+from stepbus_participant.inputs import Input, Source
 from stepbus_participant.participant import Participant
 from stepbus_schemas import UNDECODABLE, RunError, Welcome, encode, error_text, explained
 
-from .inputs import Input, Source
 from .outbox import stamp
 
 ENCODING = "application/octet-stream"
@@ -87,11 +88,10 @@ class Checkpoints:
             self._put(state, attachment=stamp(step, self._welcome.token))
         elif not self._is_too_large:
             self._is_too_large = True
-            text = "step %d: no checkpoint: the state has %d bytes, the limit of the bus is %d"
-            # It takes longer to load than all else here.
-            import logging  # noqa: PLC0415
-
-            logging.getLogger("stepbus_participant").warning(text, step, len(state), limit)
+            sys.stderr.write(
+                f"step {step}: no checkpoint: the state has {len(state)} bytes, the limit of the "
+                f"bus is {limit}\n"
+            )
 
     def restore(self) -> int:
         """Take the state of the order, if it has one, and return the first step to do (P16.3).

@@ -207,7 +207,7 @@ class Control:
         try:
             return self._pack(call, value=value)
         except (OverflowError, TypeError, ValueError) as exc:
-            return self._pack(call, error=f"{call.method}: the return value {explained(exc)}")
+            return self._pack(call, error=f"{call.method}: the return value: {explained(exc)}")
 
     def _pack(self, call: Call, value: Any = None, error: str | None = None) -> bytes:
         name, limit = self._welcome.name, self._welcome.max_outputs_bytes

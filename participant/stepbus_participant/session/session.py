@@ -4,12 +4,12 @@ import contextlib
 import sys
 import traceback
 from collections.abc import Callable
-from typing import Any
 
 from stepbus_participant.bus import Bus, BusError, Queue
 from stepbus_participant.bus.slots import Slots
 from stepbus_participant.bus.ticket import Ticket
 from stepbus_participant.config import Config
+from stepbus_participant.inputs import Input, PeerFault, make_sources
 from stepbus_participant.participant import InvalidInput, Participant
 from stepbus_schemas import (
     Fault,
@@ -28,9 +28,7 @@ from stepbus_schemas import (
 
 from .admission import await_delivery, await_start, declared_ports, join
 from .control import Control, OrchestratorLost, Stopped, watched_orders
-from .inputs import Input, PeerFault, make_sources
 from .outbox import Outbox, OutputError, names_of
-from .profile import Profiler
 from .step_loop import StepLoop
 
 _STOP_WAIT_S = 1.0
@@ -88,10 +86,7 @@ class Session:
             wake += [source.queue, *source.bulk_queues.values()]
         self._control = Control(bus, welcome, orders, wake, drops)
         self._slots = Slots(ticket.slots, welcome)
-        order = ticket.profile
-        self._profiler = None if order is None else Profiler(order, welcome.name)
-        make_outbox = Outbox if self._profiler is None else self._profiler.outbox
-        self._outbox = make_outbox(welcome, bus, drops, types)
+        self._outbox = Outbox(welcome, bus, drops, types)
         if ticket.faults:
             self._outbox.inject(ticket.faults)
         self._put_fault = bus.publisher(f"fault/{welcome.name}", encoding_of("Fault/1"))
@@ -138,14 +133,10 @@ class Session:
             outbox=self._outbox,
             control=self._control,
             slots=self._slots,
-            order=self._ticket.checkpoint,
+            ticket=self._ticket,
         )
-        profiled: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
-        if self._profiler is not None:
-            profiled = self._profiler.writing(loop)
         try:
-            with profiled:
-                loop.run()
+            loop.run()
             if any(output.bulk for output in self._welcome.outputs.values()):
                 await_delivery(self._bus, self._welcome)
         finally:

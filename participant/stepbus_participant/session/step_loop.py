@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Mapping
+from pathlib import Path
 from queue import Empty
 from typing import Any
 
@@ -9,24 +10,22 @@ import msgspec
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.slots import SlotError, Slots
-from stepbus_participant.bus.ticket import CheckpointOrder
+from stepbus_participant.bus.ticket import Ticket
+from stepbus_participant.inputs import Input, PeerFault, Source
 from stepbus_participant.participant import Participant, Step, StepsOver
 from stepbus_schemas import HANDSHAKE_STEP, Message, Outputs, Waiting, Welcome, reached
 
 from .checkpoints import Checkpoints
 from .control import Control, Stopped
-from .inputs import Input, PeerFault, Source
 from .outbox import Outbox, OutputError, read_stamp
+from .profile import Profiler
 
 FLUSH_AFTER_S = 0.02
 """A wait longer than this sends the log batch (P9.2.4) [s]."""
 
 
 class StepLoop:
-    """Runs the steps of one participant, as triggers and inputs allow (P5, P6).
-
-    output, update: of the participant; a profile puts its own around them.
-    """
+    """Runs the steps of one participant, as triggers and inputs allow (P5, P6)."""
 
     def __init__(
         self,
@@ -39,9 +38,14 @@ class StepLoop:
         outbox: Outbox,
         control: Control,
         slots: Slots,
-        order: CheckpointOrder,
+        ticket: Ticket,
     ) -> None:
-        self.output, self.update = participant.output, participant.update
+        self._output, self._update = participant.output, participant.update
+        self._profiler: Profiler | None = None
+        if ticket.profile is not None:
+            self._profiler = Profiler(Path(ticket.profile.folder) / f"{welcome.name}.csv")
+            self._output = self._profiler.timed(self._output)
+            self._update = self._profiler.timed(self._update)
         self._bus = bus
         self._now_ns = bus.clock.monotonic_ns
         self._every = welcome.every
@@ -52,12 +56,14 @@ class StepLoop:
         has_bulk = any(source.bulk_queues for source in sources)
         self._reads_ahead = bool(sources) and not self._first and not has_bulk
         self._outbox = outbox
+        # Until here, empty batches have proven the link.
+        outbox.record_ns = 0
         self._control = control
         self._slots = slots
         checkpoints = Checkpoints(
-            participant, welcome, bus, order=order, inputs=inputs, sources=sources
+            participant, welcome, bus, order=ticket.checkpoint, inputs=inputs, sources=sources
         )
-        self._checkpoints = checkpoints if order.every else None
+        self._checkpoints = checkpoints if ticket.checkpoint.every else None
         self._waited_ns = 0
         self._awaited: Source | None = None
         self.step = Step(inputs, welcome.step_ns)
@@ -76,6 +82,8 @@ class StepLoop:
             self._close(stopped.stop.at_step)
         finally:
             self._outbox.flush()
+            if self._profiler is not None:
+                self._profiler.write()
 
     def _await_stop(self) -> None:
         """Report all steps that are done, and wait until the run ends before the next one."""
@@ -96,7 +104,7 @@ class StepLoop:
             self._await_trigger(step.index)
         if self._first:
             # No input of this step may reach these outputs (P5.3).
-            self._publish(self.output(step))
+            self._publish(self._output(step))
             self._outbox.flush_full()
         if self._awaited is not None:
             self._await_last(self._awaited, step.index)
@@ -106,7 +114,7 @@ class StepLoop:
                 self._receive(source)
         for item in self._inputs:
             item.settle(step.index)
-        messages = self.update(step)
+        messages = self._update(step)
         if not self._first:
             self._publish(messages)
         elif messages:
@@ -114,7 +122,15 @@ class StepLoop:
                 f"step {step.index}: update returned {', '.join(messages)}, but with `publishes: "
                 "first` the outputs of this step are already published; return them from `output`"
             )
-        self._outbox.finish(step.index, self._waited_ns, self._now_ns() - started - self._waited_ns)
+        self._finish(self._now_ns() - started - self._waited_ns)
+
+    def _finish(self, computed_ns: int) -> None:
+        outbox, step = self._outbox, self.step.index
+        others_ns = computed_ns - outbox.record_ns
+        outbox.finish(step, self._waited_ns, computed_ns)
+        if self._profiler is not None:
+            self._profiler.finish(step, self._waited_ns, others_ns, outbox.record_ns)
+        outbox.record_ns = 0
 
     def _publish(self, messages: Mapping[str, Message] | None) -> None:
         step = self.step
@@ -125,7 +141,7 @@ class StepLoop:
     def _close(self, at_step: int) -> None:
         """Publish the closing outputs of a participant that publishes first (P11.3)."""
         if self._first and self.step.index == at_step and self._outbox.step < at_step:
-            self._outbox.publish(at_step, self.output(self.step))
+            self._outbox.publish(at_step, self._output(self.step))
 
     def _await_trigger(self, step: int) -> None:
         start_ns = self._now_ns()

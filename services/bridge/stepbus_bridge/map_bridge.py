@@ -163,7 +163,7 @@ class MapBridge(Bridge):
             return self.program.wrong(
                 f"gave an invalid answer: {text}; its outputs are {known or 'none'}"
             )
-        return self.program.wrong(f"wrote what {explained(exc)}: {show(data)}")
+        return self.program.wrong(f"wrote {show(data)}: {explained(exc)}")
 
 
 def _answer(classes: Mapping[str, type[Message]]) -> type[msgspec.Struct]:

@@ -109,7 +109,7 @@ class Mistyped(Spring):
 def test_a_message_that_no_reader_could_decode_is_refused():
     bench = Bench(Mistyped, make_config(**PORTS))
     with pytest.raises(
-        OutputError, match=r"output 'command' cannot be sent: .* values must be a list"
+        OutputError, match=r"output 'command' cannot be sent: .* values: Expected `array`"
     ):
         bench.step(joint_state=JointState(position=[0.5]))
 

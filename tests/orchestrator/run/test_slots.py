@@ -50,8 +50,8 @@ class Viewer(stepbus.Participant):
 write = slots.SlotWriter.write
 
 
-def write_wrongly(self, step, parts):
-    offset = write(self, step, parts)
+def write_wrongly(self, step, content):
+    offset = write(self, step, content)
     if step == 12:
         if KIND == "cut":
             os.ftruncate(self._fd, offset + 100)
@@ -197,16 +197,13 @@ def test_who_is_killed_ends_the_run_and_leaves_no_file(tmp_path, name):
     assert not used["slow"].parent.exists()
 
 
-@pytest.mark.parametrize(
-    ("kind", "found"),
-    [("cut", "bytes, or less"), ("earlier", "holds step 11 with"), ("elsewhere", "holds ")],
-)
-def test_a_slot_that_does_not_hold_what_was_announced_names_port_and_step(tmp_path, kind, found):
+@pytest.mark.parametrize("kind", ["cut", "earlier", "elsewhere"])
+def test_a_slot_that_does_not_hold_what_was_announced_names_port_and_step(tmp_path, kind):
     result, _ = record(tmp_path, "window=1", camera=kind)
     assert (result.exit_code, result.participant) == (4, "camera"), result.reason
     assert "step 12" in result.reason
     assert "frame" in result.reason
-    assert found in result.reason
+    assert "its slot does not hold" in result.reason
 
 
 def test_who_reads_what_is_cut_at_that_very_moment_is_killed_and_the_run_says_why(tmp_path):

@@ -1,11 +1,12 @@
 """Several steps in one message, from a participant that nobody waits for (P7.6)."""
 
+import time
 from collections import defaultdict
 
 import msgspec
 import pytest
 
-from stepbus_participant.session.inputs import Input, PeerFault, make_sources
+from stepbus_participant.inputs import Input, PeerFault, make_sources
 from stepbus_participant.session.outbox import BATCH_BYTES, HOLD_NS, Outbox
 from stepbus_schemas import (
     Batch,
@@ -26,6 +27,8 @@ _batch, _outputs, _log = Decoder(Batch), Decoder(Outputs), Decoder(Log)
 
 class Bus:
     """Keeps what is published, by key, and all in their order."""
+
+    clock = time
 
     def __init__(self):
         self.sent = defaultdict(list)

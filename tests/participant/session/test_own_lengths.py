@@ -43,8 +43,8 @@ participants:
     [
         ("{thrust: [1.0, 2.0], at: [0.0, 0.0, 0.0]}", ""),
         ("{thrust: [1.0, 2.0, 3.0], at: [0.0, 0.0, 0.0]}", "thrust has 3 values for the 2 names (left, right) of the port's description"),
-        ("{thrust: [1.0, 2.0], at: [0.0]}", "not a Thruster/1: at must be a list of 3, not of 1"),
-        ("{thrust: [1.0, high], at: [0.0, 0.0, 0.0]}", "not a Thruster/1: thrust[1] must be a number, not text"),
+        ("{thrust: [1.0, 2.0], at: [0.0]}", "not a Thruster/1: at: Expected `array` of length 3, got 1"),
+        ("{thrust: [1.0, high], at: [0.0, 0.0, 0.0]}", "not a Thruster/1: thrust[1]: Expected `float`, got `str`"),
     ],
 )  # fmt: skip
 def test_a_message_of_the_wrong_length_is_blamed_on_its_source(tmp_path, params, problem):

@@ -46,7 +46,7 @@ def test_a_whole_message_is_read_as_it_in_every_step():
 
 
 def test_a_message_that_lacks_a_field_names_it_and_the_class():
-    sentence = r"input 'joint_state': not a JointState/1 as SensedJoints requires it: the field 'velocity' is missing"
+    sentence = r"input 'joint_state': not a JointState/1 as SensedJoints requires it: Object missing required field `velocity`"
     with pytest.raises(InvalidInput, match=sentence):
         bench().step(joint_state=JointState(position=[1.0]))
 

@@ -67,33 +67,22 @@ def test_an_input_of_a_step_that_is_never_released_is_not_read():
     assert follow(command(0), broken, later=[stop(1)]) == [0]
 
 
-def test_a_sigterm_before_the_stop_does_not_hide_why_a_participant_failed(capsys, monkeypatch):
+@pytest.mark.parametrize(("part", "name"), [(session.Control, "wait"), (session, "encode")])
+def test_a_sigterm_does_not_hide_why_a_participant_failed(capsys, monkeypatch, part, name):
+    """It comes before the stop, or while the participant reports."""
+
     class Failing(Plant):
         def update(self, step):
-            monkeypatch.setattr(session.Control, "wait", terminate)
+            monkeypatch.setattr(part, name, terminate)
             raise ValueError("the knee")
 
     waits = []
 
-    def terminate(_control, timeout_s):
-        waits.append(timeout_s)
+    def terminate(*arguments):
+        waits.append(arguments)
         raise Terminated("ended by SIGTERM")
 
     with pytest.raises(RunError, match="step 0: the knee"):
         run_plant(Failing, command(0), later=[])
     assert len(waits) == 1
-    assert capsys.readouterr().err.endswith("ValueError: the knee\n")
-
-
-def test_a_sigterm_while_it_reports_does_not_hide_why_a_participant_failed(capsys, monkeypatch):
-    class Loud(Plant):
-        def update(self, step):
-            monkeypatch.setattr(session, "encode", terminate)
-            raise ValueError("the knee")
-
-    def terminate(_fault):
-        raise Terminated("ended by SIGTERM")
-
-    with pytest.raises(RunError, match="step 0: the knee"):
-        run_plant(Loud, command(0), later=[])
     assert capsys.readouterr().err.endswith("ValueError: the knee\n")

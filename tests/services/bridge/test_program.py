@@ -76,11 +76,11 @@ def test_the_answer_to_a_step_is_its_outputs(bridge, form):
 
 
 WRONG = {
-    "garbage": r"wrote what is no (JSON|MessagePack) from byte 0 on: invalid",
-    "mistyped": r"gave an invalid answer: outputs\.command\.values must be a list, not text; its outputs are command \(JointCommand/1\)",
-    "word": r"outputs\.command\.mode must be brake, position, teleport, torque or velocity, not \'torqe\'; did you mean 'torque'\?; its outputs are",
-    "lacking": r"gave an invalid answer: outputs\.command: the field 'values' is missing",
-    "port": r"gave an invalid answer: .*unknown field 'komand'.*its outputs are command",
+    "garbage": r"wrote .*: (JSON|MessagePack data) is malformed: invalid",
+    "mistyped": r"gave an invalid answer: outputs\.command\.values: Expected `array`, got `str`; its outputs are command \(JointCommand/1\)",
+    "word": r"outputs\.command\.mode: must be brake, position, teleport, torque or velocity, not \'torqe\'; did you mean 'torque'\?; its outputs are",
+    "lacking": r"gave an invalid answer: outputs\.command: Object missing required field `values`",
+    "port": r"gave an invalid answer: .*unknown field `komand`.*its outputs are command",
     "twice": r"wrote .* after its answer",
     "oversize": r"wrote a message of \d+ bytes; the limit is 16777216",
     "raise": r"exited with code 3; its last output|exited with code 3$",

@@ -47,7 +47,7 @@ def test_the_resolved_scenario_says_it_too(tmp_path, value):
             "{format: json, describe: {command: {name: [a]}}}",
             "Description has no field 'name'; did you mean 'names'?",
         ),
-        ("{format: json, describe: {command: {names: a}}}", "names must be a list, not text"),
+        ("{format: json, describe: {command: {names: a}}}", "names: Expected `array`, got `str`"),
         ("raw", "format raw carries only types made of numbers, not status"),
     ],
 )

@@ -135,7 +135,7 @@ class SharedSlots:
         """
         names = {port: file_name(source, port) for port in content}
         slots = {
-            port: self._writers[name].write(outputs.step - late, [content[port]])
+            port: self._writers[name].write(outputs.step - late, content[port])
             for port, name in names.items()
             if name in self.agreed
         }

@@ -99,7 +99,7 @@ class Journal:
             raise RecordingFailed(f"{self._path} cannot be read: {exc.strerror}") from exc
         except UNDECODABLE as exc:
             raise RecordingFailed(
-                f"{self._path}: byte {self._end} is not the start of a row: it {explained(exc)}"
+                f"{self._path}: byte {self._end} is not the start of a row: {explained(exc)}"
             ) from exc
 
     def _take(self, row: ResultRow, line: bytes) -> None:

@@ -8,7 +8,7 @@ import pytest
 from support.messages.fuzz import OLD_TOKEN, Mutator, envelopes, outputs
 from support.runs.stranger import WAIT_S, disturbed
 
-from stepbus_participant.session.inputs import carries_token
+from stepbus_participant.inputs import carries_token
 from stepbus_schemas import HANDSHAKE_STEP, encoding_of
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
