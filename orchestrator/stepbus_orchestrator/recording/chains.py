@@ -34,46 +34,36 @@ class HashChain:
         # One call of the hash for all parts: of few bytes, each takes longer than the hashing.
         self.value = hashlib.sha256(b"".join(parts)).digest()
 
-    def close(self) -> None:
-        """Add nothing more."""
+    def wait(self) -> None:
+        """Wait until all steps that were added are in the value."""
 
 
 class ThreadedChain(HashChain):
     """The chain of a participant with bulk ports: big messages are hashed in a thread."""
 
     def __init__(self) -> None:
-        self._workers: Workers[None] = Workers(lambda _none: None, threads=1)
         super().__init__()
-
-    @property
-    def value(self) -> bytes:
-        """Return it, once all steps that were added are in it."""
-        self._workers.drain()
-        return self._value
-
-    @value.setter
-    def value(self, value: bytes) -> None:
-        self._value = value
+        self._workers = Workers[bytes](partial(setattr, self, "value"), most=1)
 
     def extend(self, step: int, published: Collection[tuple[str, bytes]]) -> None:
         """Add one step."""
-        if self._workers.are_busy or any(len(data) > BIG_BYTES for _, data in published):
-            size = sum(len(data) for _, data in published)
-            self._workers.give(partial(self._extend, step, published), size)
+        self.wait()
+        if any(len(data) > BIG_BYTES for _, data in published):
+            self._workers.give(partial(self._extended, step, published))
         else:
             super().extend(step, published)
 
-    def close(self) -> None:
-        """End the thread."""
-        self._workers.close()
+    def wait(self) -> None:
+        """Wait until all steps that were added are in the value."""
+        self._workers.drain()
 
-    def _extend(self, step: int, published: Iterable[tuple[str, bytes]]) -> None:
-        """Add one step without copying it, in the thread."""
-        digest = hashlib.sha256(self._value + step.to_bytes(8, "little", signed=True))
+    def _extended(self, step: int, published: Iterable[tuple[str, bytes]]) -> bytes:
+        """Return the value with one more step, whose messages are not copied."""
+        digest = hashlib.sha256(self.value + step.to_bytes(8, "little", signed=True))
         for port, data in published:
             digest.update(port.encode())
             digest.update(data)
-        self._value = digest.digest()
+        return digest.digest()
 
 
 def messages_sha256(last_chain: bytes) -> str:

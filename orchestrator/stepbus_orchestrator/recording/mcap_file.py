@@ -17,9 +17,9 @@ from mcap.opcode import Opcode
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, Encoded, encode_chunk
-from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END
+from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END, bytes_of
 from stepbus_orchestrator.recording.reserved_file import ReservedFile
-from stepbus_orchestrator.recording.summary import Summary, bytes_of
+from stepbus_orchestrator.recording.summary import Summary
 from stepbus_orchestrator.recording.workers import Workers
 from stepbus_participant import Disk, open_regular
 from stepbus_schemas import json_schema, reached
@@ -273,7 +273,7 @@ class McapFile:
         if not chunk.indexes:
             return
         if chunk.is_big or self._workers.are_busy:
-            self._workers.give(partial(encode_chunk, chunk), chunk.size)
+            self._workers.give(partial(encode_chunk, chunk))
             self._chunk = Chunk()
         else:
             encoded = encode_chunk(chunk)
