@@ -1,7 +1,5 @@
 """The chunk of an MCAP file: records of whole steps, compressed, and where in it they are."""
 
-from collections.abc import Iterable, Iterator
-from itertools import groupby
 from struct import Struct
 from typing import NamedTuple
 
@@ -18,6 +16,9 @@ _FAST = -1
 """The level of compression for these: it gives up soon where nothing is to be gained."""
 _WORTH_IT = 0.9
 """What is not compressed to so much of its size is stored as it is: readers are spared the work."""
+_SAMPLES, _SAMPLE_BYTES = 8, 4096
+"""So many parts of a chunk with big messages say whether it is worth it to compress all of it."""
+
 _SIZE = Struct("<Q")
 _INDEX = Struct("<BQHI")  # opcode, length, channel, length of the entries
 
@@ -59,30 +60,30 @@ class Encoded(NamedTuple):
 
 def encode_chunk(chunk: Chunk) -> Encoded:
     """Return the bytes of a chunk: a function of its messages alone; raises MemoryError."""
-    content, crc = list(_gathered(chunk.records)), 0
-    for part in content:
-        crc = crc32(part, crc)
-    packed, compression = [_compressed(b"".join(content), is_big=chunk.is_big)], "zstd"
-    if chunk.is_big and len(packed[0]) > _WORTH_IT * chunk.size:
-        packed, compression = content, ""
-    packed_size = len(packed[0]) if compression else chunk.size
+    content, level = chunk.content(), _FAST if chunk.is_big else 3
+    crc = crc32(content)
+    packed, compression = content, ""
+    if not chunk.is_big or _gains(_sample(content), level):
+        whole = _compressed(content, level)
+        if not chunk.is_big or len(whole) <= _WORTH_IT * chunk.size:
+            packed, compression = whole, "zstd"
     times = chunk.earliest, chunk.latest
     record = mcap.Chunk(compression, b"", times[1], times[0], crc, chunk.size)
     head = bytearray(bytes_of(record))
     # The bytes that belong here are other parts: they are not copied.
-    _SIZE.pack_into(head, 1, len(head) - HEAD.size + packed_size)
-    _SIZE.pack_into(head, len(head) - _SIZE.size, packed_size)
+    _SIZE.pack_into(head, 1, len(head) - HEAD.size + len(packed))
+    _SIZE.pack_into(head, len(head) - _SIZE.size, len(packed))
     indexes, offsets = bytearray(), {}
     for channel, entries in chunk.indexes.items():
-        offsets[channel] = len(head) + packed_size + len(indexes)
+        offsets[channel] = len(head) + len(packed) + len(indexes)
         numbers = Struct(f"<{len(entries)}Q").pack(*entries)
         indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers))
         indexes += numbers
     index = mcap.ChunkIndex(
-        chunk_length=len(head) + packed_size,
+        chunk_length=len(head) + len(packed),
         chunk_start_offset=0,
         compression=compression,
-        compressed_size=packed_size,
+        compressed_size=len(packed),
         message_end_time=chunk.latest,
         message_index_length=len(indexes),
         message_index_offsets=offsets,
@@ -90,28 +91,28 @@ def encode_chunk(chunk: Chunk) -> Encoded:
         uncompressed_size=chunk.size,
     )
     # The checksum of what is stored as it is has been computed already.
-    packed_crc = crc32(packed[0]) if compression else crc
+    packed_crc = crc32(packed) if compression else crc
     return Encoded(
         chunk=chunk,
-        parts=[bytes(head), *packed, bytes(indexes)],
-        crc=crc32(indexes, crc32_combine(crc32(head), packed_crc, packed_size)),
+        parts=[bytes(head), packed, bytes(indexes)],
+        crc=crc32(indexes, crc32_combine(crc32(head), packed_crc, len(packed))),
         size=index.chunk_length + len(indexes),
         index=index,
     )
 
 
-def _gathered(records: Iterable[bytes]) -> Iterator[bytes]:
-    """Yield the same bytes in fewer parts: only what is small is copied."""
-    for is_big, group in groupby(records, lambda record: len(record) > BIG_BYTES):
-        if is_big:
-            yield from group
-        else:
-            yield b"".join(group)
+def _sample(content: bytes) -> bytes:
+    starts = (len(content) * number // _SAMPLES for number in range(_SAMPLES))
+    return b"".join(content[start : start + _SAMPLE_BYTES] for start in starts)
 
 
-def _compressed(content: bytes, *, is_big: bool) -> bytes:
+def _gains(sample: bytes, level: int) -> bool:
+    return len(_compressed(sample, level)) <= _WORTH_IT * len(sample)
+
+
+def _compressed(content: bytes, level: int) -> bytes:
     try:
-        return zstandard.compress(content, _FAST if is_big else 3)
+        return zstandard.compress(content, level)
     except zstandard.ZstdError as exc:
         # Whatever the content, it lacks nothing but memory.
         raise MemoryError(str(exc)) from exc

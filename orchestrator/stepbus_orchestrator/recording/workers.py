@@ -1,6 +1,5 @@
 """Work on big messages in threads: hashing and compressing let go of Python's lock meanwhile."""
 
-import os
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -8,7 +7,7 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
-MOST_THREADS = min(4, os.cpu_count() or 1)
+_MOST = 4
 
 
 class _Piece(threading.Thread, Generic[T]):
@@ -49,7 +48,7 @@ class Workers(Generic[T]):
     An exception of the work is raised where its result would be taken.
     """
 
-    def __init__(self, take: Callable[[T], None], most: int = MOST_THREADS) -> None:
+    def __init__(self, take: Callable[[T], None], most: int = _MOST) -> None:
         self._take = take
         self._most = most
         self._given: deque[_Piece[T]] = deque()
