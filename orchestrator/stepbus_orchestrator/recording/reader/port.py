@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.index import Index
-from stepbus_orchestrator.recording.reader.columns import Column, array_of, columns, raw_map
+from stepbus_orchestrator.recording.reader.columns import Column, array_of, raw_map
 from stepbus_orchestrator.scenario.ports import RECORD_ALL
 from stepbus_participant import suggest
 from stepbus_schemas import (
@@ -283,12 +283,18 @@ class Batch:
         return map(Decoder(self._port.message_class), self._data)
 
     def columns(self, fields: Sequence[str]) -> dict[str, Column]:
-        """Return some fields of its messages."""
-        return columns(self._port.message_class, self._data, fields) if fields else {}
+        """Return some fields of its messages, numbers and vectors of floats as arrays."""
+        messages = list(self.messages()) if fields else []
+        return {name: _column([getattr(message, name) for message in messages]) for name in fields}
 
     def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:
         """Return some fields of its messages, as `Port.arrays` does."""
         return {field: array_of(column) for field, column in self.columns(fields).items()}
+
+
+def _column(values: list[Any]) -> Column:
+    array = array_of(values)
+    return values if array is None or array.dtype.kind != "f" else array
 
 
 def batches(source: Source, ports: Sequence[Port], most_bytes: int) -> Iterator[dict[str, Batch]]:
