@@ -1,6 +1,5 @@
 """What a recording says a participant published, to be taken step by step."""
 
-from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
 import msgspec
@@ -24,40 +23,22 @@ Ports = dict[str, bytes]
 
 
 class RecordedOutputs:
-    """The outputs of participants, read once and taken twice: to be published, and to compare."""
+    """The outputs of participants, read in the order of their steps."""
 
     def __init__(self, recording: Recording, specs: Iterable[ParticipantSpec]) -> None:
         self._recorded: dict[str, Iterator[tuple[int, Ports]]] = {}
-        self._newest: dict[str, tuple[int, Ports]] = {}
-        self._every: dict[str, int] = {}
         for spec in specs:
             topics = [topic_of(spec.name, port) for port in spec.outputs]
             ports = [recording.ports[topic] for topic in topics if topic in recording.ports]
             self._recorded[spec.name] = recording.steps_of(ports)
-            self._newest[spec.name] = (-1, {})
-            self._every[spec.name] = spec.every
-        self._next = dict.fromkeys(self._every, 0)
-        self._read: dict[str, deque[tuple[int, Ports]]] = {name: deque() for name in self._every}
-
-    def ahead(self, name: str, end: int) -> Iterator[tuple[int, Ports]]:
-        """Yield step and outputs of a participant: those of steps below `end`, each only once."""
-        while self._next[name] < end:
-            step = self._next[name]
-            self._next[name] += self._every[name]
-            while self._newest[name][0] < step:
-                self._newest[name] = next(self._recorded[name], (FAR, {}))
-            newest, ports = self._newest[name]
-            read = step, ports if newest == step else {}
-            self._read[name].append(read)
-            yield read
+        self._newest: dict[str, tuple[int, Ports]] = dict.fromkeys(self._recorded, (-1, {}))
 
     def take(self, name: str, step: int) -> Ports:
-        """Return the outputs of a step, in the order of steps, and forget them."""
-        deque(self.ahead(name, step + 1), maxlen=0)
-        read = self._read[name]
-        while read and read[0][0] < step:
-            read.popleft()
-        return read.popleft()[1] if read and read[0][0] == step else {}
+        """Return what a participant published at a step, which is not below the last one taken."""
+        while self._newest[name][0] < step:
+            self._newest[name] = next(self._recorded[name], (FAR, {}))
+        newest, ports = self._newest[name]
+        return ports if newest == step else {}
 
 
 def outputs_of(

@@ -166,11 +166,15 @@ def read(scenario: Scenario, participant: str, path: Path) -> Material:
     names = dict.fromkeys(item.source for item in spec.inputs.values())
     sources = {name: scenario.participant(name) for name in names}
     described = recorded_descriptions(recording)
+    outputs = RecordedOutputs(recording, sources.values())
     return Material(
         scenario=scenario,
         spec=spec,
         feed={
-            name: dict(RecordedOutputs(recording, [source]).ahead(name, scenario.steps or 0))
+            name: {
+                step: outputs.take(name, step)
+                for step in range(0, scenario.steps or 0, source.every)
+            }
             for name, source in sources.items()
         },
         descriptions=input_descriptions(
