@@ -37,19 +37,21 @@ class HashChain:
     def wait(self) -> None:
         """Wait until all steps that were added are in the value."""
 
+    def close(self) -> None:
+        """Add nothing more."""
+
 
 class ThreadedChain(HashChain):
     """The chain of a participant with bulk ports: big messages are hashed in a thread."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._workers = Workers[bytes](partial(setattr, self, "value"), most=1)
+        self._workers = Workers[None](lambda _none: None, threads=1)
 
     def extend(self, step: int, published: Collection[tuple[str, bytes]]) -> None:
         """Add one step."""
-        self.wait()
-        if any(len(data) > BIG_BYTES for _, data in published):
-            self._workers.give(partial(self._extended, step, published))
+        if self._workers.are_busy or any(len(data) > BIG_BYTES for _, data in published):
+            self._workers.give(partial(self._extend, step, published))
         else:
             super().extend(step, published)
 
@@ -57,13 +59,17 @@ class ThreadedChain(HashChain):
         """Wait until all steps that were added are in the value."""
         self._workers.drain()
 
-    def _extended(self, step: int, published: Iterable[tuple[str, bytes]]) -> bytes:
-        """Return the value with one more step, whose messages are not copied."""
+    def close(self) -> None:
+        """End the thread."""
+        self._workers.close()
+
+    def _extend(self, step: int, published: Iterable[tuple[str, bytes]]) -> None:
+        """Add one step without copying it, in the thread."""
         digest = hashlib.sha256(self.value + step.to_bytes(8, "little", signed=True))
         for port, data in published:
             digest.update(port.encode())
             digest.update(data)
-        return digest.digest()
+        self.value = digest.digest()
 
 
 def messages_sha256(last_chain: bytes) -> str:

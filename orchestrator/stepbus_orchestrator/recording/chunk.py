@@ -1,5 +1,8 @@
 """The chunk of an MCAP file: records of whole steps, compressed, and where in it they are."""
 
+import threading
+from collections.abc import Iterable, Iterator
+from itertools import groupby
 from struct import Struct
 from typing import NamedTuple
 
@@ -60,30 +63,32 @@ class Encoded(NamedTuple):
 
 def encode_chunk(chunk: Chunk) -> Encoded:
     """Return the bytes of a chunk: a function of its messages alone; raises MemoryError."""
-    content, level = chunk.content(), _FAST if chunk.is_big else 3
-    crc = crc32(content)
-    packed, compression = content, ""
-    if not chunk.is_big or _gains(_sample(content), level):
-        whole = _compressed(content, level)
+    compressor = _own.fast if chunk.is_big else _own.usual
+    content, crc = list(_gathered(chunk.records)), 0
+    for part in content:
+        crc = crc32(part, crc)
+    packed, compression, packed_size = content, "", chunk.size
+    if not chunk.is_big or _gains(_sample(content, chunk.size), compressor):
+        whole = _compressed(b"".join(content), compressor)
         if not chunk.is_big or len(whole) <= _WORTH_IT * chunk.size:
-            packed, compression = whole, "zstd"
+            packed, compression, packed_size = [whole], "zstd", len(whole)
     times = chunk.earliest, chunk.latest
     record = mcap.Chunk(compression, b"", times[1], times[0], crc, chunk.size)
     head = bytearray(bytes_of(record))
     # The bytes that belong here are other parts: they are not copied.
-    _SIZE.pack_into(head, 1, len(head) - HEAD.size + len(packed))
-    _SIZE.pack_into(head, len(head) - _SIZE.size, len(packed))
+    _SIZE.pack_into(head, 1, len(head) - HEAD.size + packed_size)
+    _SIZE.pack_into(head, len(head) - _SIZE.size, packed_size)
     indexes, offsets = bytearray(), {}
     for channel, entries in chunk.indexes.items():
-        offsets[channel] = len(head) + len(packed) + len(indexes)
+        offsets[channel] = len(head) + packed_size + len(indexes)
         numbers = Struct(f"<{len(entries)}Q").pack(*entries)
         indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers))
         indexes += numbers
     index = mcap.ChunkIndex(
-        chunk_length=len(head) + len(packed),
+        chunk_length=len(head) + packed_size,
         chunk_start_offset=0,
         compression=compression,
-        compressed_size=len(packed),
+        compressed_size=packed_size,
         message_end_time=chunk.latest,
         message_index_length=len(indexes),
         message_index_offsets=offsets,
@@ -91,28 +96,54 @@ def encode_chunk(chunk: Chunk) -> Encoded:
         uncompressed_size=chunk.size,
     )
     # The checksum of what is stored as it is has been computed already.
-    packed_crc = crc32(packed) if compression else crc
+    packed_crc = crc32(packed[0]) if compression else crc
     return Encoded(
         chunk=chunk,
-        parts=[bytes(head), packed, bytes(indexes)],
-        crc=crc32(indexes, crc32_combine(crc32(head), packed_crc, len(packed))),
+        parts=[bytes(head), *packed, bytes(indexes)],
+        crc=crc32(indexes, crc32_combine(crc32(head), packed_crc, packed_size)),
         size=index.chunk_length + len(indexes),
         index=index,
     )
 
 
-def _sample(content: bytes) -> bytes:
-    starts = (len(content) * number // _SAMPLES for number in range(_SAMPLES))
-    return b"".join(content[start : start + _SAMPLE_BYTES] for start in starts)
+class _Compressors(threading.local):
+    """Those of this thread: making one takes longer than compressing a sample."""
+
+    def __init__(self) -> None:
+        self.fast = zstandard.ZstdCompressor(_FAST)
+        self.usual = zstandard.ZstdCompressor()
 
 
-def _gains(sample: bytes, level: int) -> bool:
-    return len(_compressed(sample, level)) <= _WORTH_IT * len(sample)
+_own = _Compressors()
 
 
-def _compressed(content: bytes, level: int) -> bytes:
+def _gathered(records: Iterable[bytes]) -> Iterator[bytes]:
+    """Yield the same bytes in fewer parts: only what is small is copied."""
+    for is_big, group in groupby(records, lambda record: len(record) > BIG_BYTES):
+        if is_big:
+            yield from group
+        else:
+            yield b"".join(group)
+
+
+def _sample(content: Iterable[bytes], size: int) -> bytes:
+    """Return samples of bytes in parts, wherever one part ends and the next begins."""
+    starts, at, found = [size * number // _SAMPLES for number in range(_SAMPLES)], 0, []
+    for part in content:
+        for start in starts:
+            if start < at + len(part) and start + _SAMPLE_BYTES > at:
+                found += [part[max(0, start - at) : start + _SAMPLE_BYTES - at]]
+        at += len(part)
+    return b"".join(found)
+
+
+def _gains(sample: bytes, compressor: zstandard.ZstdCompressor) -> bool:
+    return len(_compressed(sample, compressor)) <= _WORTH_IT * len(sample)
+
+
+def _compressed(content: bytes, compressor: zstandard.ZstdCompressor) -> bytes:
     try:
-        return zstandard.compress(content, level)
+        return compressor.compress(content)
     except zstandard.ZstdError as exc:
         # Whatever the content, it lacks nothing but memory.
         raise MemoryError(str(exc)) from exc

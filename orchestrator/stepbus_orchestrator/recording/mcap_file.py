@@ -78,6 +78,12 @@ class McapFile:
             mcap.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
         )
 
+    def attach_scenario(self, scenario: bytes, files: Mapping[str, bytes]) -> None:
+        """Attach a scenario, and its files by name."""
+        self.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", scenario)
+        for name, content in files.items():
+            self.attach(layout.file_attachment(name), "application/octet-stream", content)
+
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
         """Write a metadata record."""
         self.add_record(mcap.Metadata(name, dict(content)))
@@ -211,13 +217,10 @@ class McapFile:
         if self.closed:
             return
         self.closed = True
-        if self._refusal is None:
-            try:
-                if self._chunk.is_big:
-                    self._end_chunk()
-                self._workers.drain()
-            except _FAILURES as exc:
-                self.refuse(exc)
+        with contextlib.suppress(RecordingFailed), self._translated():
+            if self._chunk.is_big:
+                self._end_chunk()
+            self._workers.drain()
         failure = self._refusal
         self._file.release()
         try:
@@ -331,13 +334,8 @@ def whole_file(path: Path, disk: Disk = os, **header: str) -> Iterator[McapFile]
     """
     part = path.with_name(f".{path.name}.part")
     try:
-        file = McapFile(path, disk, written_as=part, **header)
-        try:
+        with contextlib.closing(McapFile(path, disk, written_as=part, **header)) as file:
             yield file
-            file.close()
-        finally:
-            with contextlib.suppress(RecordingFailed):
-                file.close()
         try:
             # It may replace the only copy there is.
             _sync(part, disk)

@@ -151,7 +151,7 @@ class Recorder(Sink):
         except BaseException:
             self.abort()
             raise
-        self._file.close()
+        self._close()
 
     def abort(self) -> None:
         """Write whatever has arrived, without a hole, and what has not; close the file."""
@@ -171,8 +171,13 @@ class Recorder(Sink):
         finally:
             missing = {name: str(step) for name, step in self._missing.items()}
             has_begun = self._chain_channel is not None
-            record = Metadata(layout.INCOMPLETE_METADATA, missing)
-            self._file.close(record if has_begun else None)
+            self._close(Metadata(layout.INCOMPLETE_METADATA, missing) if has_begun else None)
+
+    def _close(self, last: Metadata | None = None) -> None:
+        """Close the file behind a last metadata record, and end all threads."""
+        for chain in self._chains.values():
+            chain.close()
+        self._file.close(last)
 
     def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
         """Write the outputs of a step, and the chain behind them where it is due."""
