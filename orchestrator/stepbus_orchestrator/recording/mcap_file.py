@@ -72,24 +72,23 @@ class McapFile:
 
     # --- what is added --------------------------------------------------------------------
 
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Attach a file."""
-        self.add_record(
-            mcap.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
-        )
-
     def attach_scenario(self, scenario: bytes, files: Mapping[str, bytes]) -> None:
         """Attach a scenario, and its files by name."""
-        self.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", scenario)
+        self.attach(layout.SCENARIO_ATTACHMENT, scenario)
         for name, content in files.items():
-            self.attach(layout.file_attachment(name), "application/octet-stream", content)
+            self.attach(layout.file_attachment(name), content)
+
+    def attach(self, name: str, data: bytes) -> None:
+        """Attach a file."""
+        is_scenario = name == layout.SCENARIO_ATTACHMENT
+        media_type = "application/yaml" if is_scenario else "application/octet-stream"
+        self._add_record(mcap.Attachment(0, 0, name, media_type, data))
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
         """Write a metadata record."""
-        self.add_record(mcap.Metadata(name, dict(content)))
+        self._add_record(mcap.Metadata(name, dict(content)))
 
-    def add_record(self, record: mcap.Attachment | mcap.Metadata) -> None:
-        """Write an attachment or a metadata record."""
+    def _add_record(self, record: mcap.Attachment | mcap.Metadata) -> None:
         with self._translated():
             self._workers.drain()
             offset, data = self._file.position, bytes_of(record)
@@ -207,10 +206,10 @@ class McapFile:
 
     # --- its end --------------------------------------------------------------------------
 
-    def close(self, last: mcap.Metadata | None = None) -> None:
+    def close(self, incomplete: Mapping[str, str] | None = None) -> None:
         """Write what is left, a last metadata record and the index; harmless when repeated.
 
-        The metadata record is written only where all messages are.
+        incomplete: content of that record, which is written only where all messages are.
         On a full disk they go into the room that was set aside. Raises RecordingFailed when they
         cannot be written all the same, or anything before could not.
         """
@@ -225,9 +224,9 @@ class McapFile:
         self._file.release()
         try:
             if failure is not None:
-                self._chunk, last = Chunk(), None
+                self._chunk, incomplete = Chunk(), None
                 self._workers.close()
-            self._finish(last)
+            self._finish(incomplete)
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
         finally:
@@ -237,13 +236,13 @@ class McapFile:
         if failure is not None:
             raise failure
 
-    def _finish(self, last: mcap.Metadata | None) -> None:
+    def _finish(self, incomplete: Mapping[str, str] | None) -> None:
         """Write the last chunk, behind it a last record, and the index."""
         self._end_chunk()
         self._workers.drain()
         self._workers.close()
-        if last is not None:
-            self.add_record(last)
+        if incomplete is not None:
+            self.add_metadata(layout.INCOMPLETE_METADATA, incomplete)
         self._write(bytes_of(mcap.DataEnd(self._crc)))
         self._write(self._summary.end(self._file.position) + MAGIC)
 
