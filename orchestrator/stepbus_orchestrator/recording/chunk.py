@@ -51,14 +51,14 @@ class Chunk:
 class Encoded(NamedTuple):
     """A chunk as it stands in a file: its bytes in parts, with the message indexes behind it.
 
-    crc, size: of all parts. index: its record of the summary, with offsets from its beginning.
+    crc, size: of all parts. row: its record of the summary, with offsets from its beginning.
     """
 
     chunk: Chunk
     parts: list[bytes]
     crc: int
     size: int
-    index: mcap.ChunkIndex
+    row: mcap.ChunkIndex
 
 
 def encode_chunk(chunk: Chunk) -> Encoded:
@@ -84,7 +84,7 @@ def encode_chunk(chunk: Chunk) -> Encoded:
         numbers = Struct(f"<{len(entries)}Q").pack(*entries)
         indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers))
         indexes += numbers
-    index = mcap.ChunkIndex(
+    row = mcap.ChunkIndex(
         chunk_length=len(head) + packed_size,
         chunk_start_offset=0,
         compression=compression,
@@ -101,8 +101,8 @@ def encode_chunk(chunk: Chunk) -> Encoded:
         chunk=chunk,
         parts=[bytes(head), *packed, bytes(indexes)],
         crc=crc32(indexes, crc32_combine(crc32(head), packed_crc, packed_size)),
-        size=index.chunk_length + len(indexes),
-        index=index,
+        size=row.chunk_length + len(indexes),
+        row=row,
     )
 
 

@@ -66,16 +66,16 @@ class Summary:
 
     def add_chunk(self, encoded: Encoded, start: int) -> None:
         """Add a chunk that is in the file; start: where it begins [bytes]."""
-        chunk, index = encoded.chunk, encoded.index
-        index.chunk_start_offset = start
-        for channel in index.message_index_offsets:
-            index.message_index_offsets[channel] += start
+        chunk, row = encoded.chunk, encoded.row
+        row.chunk_start_offset = start
+        for channel in row.message_index_offsets:
+            row.message_index_offsets[channel] += start
         is_first = not self._counts[Opcode.CHUNK_INDEX]
         self._earliest = chunk.earliest if is_first else min(self._earliest, chunk.earliest)
         self._latest = max(self._latest, chunk.latest)
         for channel, entries in chunk.indexes.items():
             self._message_counts[channel] += len(entries) // 2
-        self._add(Opcode.CHUNK_INDEX, bytes_of(index))
+        self._add(Opcode.CHUNK_INDEX, bytes_of(row))
 
     def end(self, start: int) -> bytes:
         """Return the section and its footer; to be called once. start: where it begins [bytes]."""
