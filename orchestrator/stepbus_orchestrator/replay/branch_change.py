@@ -10,10 +10,8 @@ from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import (
     check_whole,
-    counts_from_of,
     recorded_end,
     replayable_steps,
-    step_in,
 )
 from stepbus_orchestrator.scenario.faults import format_fault
 from stepbus_orchestrator.scenario.model import Scenario
@@ -107,14 +105,14 @@ class Change:
             raise RecordingFailed(
                 f"step {at} is past the end of {recording.path} ({end} complete steps)"
             )
-        first = step_in(recording, layout.FALLBACK_METADATA, "first")
+        first = recording.steps_in(layout.FALLBACK_METADATA).get("first")
         if first is not None and at > first:
             who = recording.metadata[layout.FALLBACK_METADATA].get("participant", "a participant")
             raise RecordingFailed(
                 f"{recording.path}: {who} failed and was replaced from step {first} on; "
                 "branch at that step or earlier"
             )
-        latest = max(counts_from_of(recording).values(), default=0)
+        latest = max(recording.steps_in(layout.BRANCH_METADATA).values(), default=0)
         if at < latest:
             raise RecordingFailed(
                 f"{recording.path} is a branch from step {latest}: branch at that step "

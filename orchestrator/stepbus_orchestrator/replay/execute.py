@@ -24,7 +24,7 @@ from stepbus_orchestrator.recording import (
 )
 from stepbus_orchestrator.recording.layout import Source
 from stepbus_orchestrator.replay.prepare import Prepared, prepare, shorten
-from stepbus_orchestrator.replay.recorded import Ports, counts_from_of, recorded_descriptions
+from stepbus_orchestrator.replay.recorded import Ports, recorded_descriptions
 from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.replay.trust import find_source, programs_of
@@ -72,7 +72,7 @@ class Replayed(Repetition):
         folder: Path | None = None,
     ) -> None:
         others = (spec.name for spec in scenario.participants if spec.name != participant)
-        changed = counts_from_of(recording).get(participant, 0)
+        changed = recording.steps_in(layout.BRANCH_METADATA).get(participant, 0)
         super().__init__(
             recording,
             starts_at=dict.fromkeys(others, FAR),

@@ -71,9 +71,12 @@ class Recording:
     @property
     def incomplete(self) -> Mapping[str, int]:
         """Return participant → first step without its outputs, for a failed run."""
-        rows = self.metadata.get(layout.INCOMPLETE_METADATA, {})
-        steps = ((name, layout.step_of(text)) for name, text in rows.items())
-        return {name: step for name, step in steps if step is not None}
+        return self.steps_in(layout.INCOMPLETE_METADATA)
+
+    def steps_in(self, record: str) -> Mapping[str, int]:
+        """Return the steps in a metadata record, by their keys."""
+        rows = self.metadata.get(record, {})
+        return {key: int(text) for key, text in rows.items() if layout.is_step(text)}
 
     @property
     def last_whole_step(self) -> int:
