@@ -177,9 +177,7 @@ class _Execution:
     def _describe(self, file: McapFile) -> None:
         """Record all that is needed to run again; raises RecordingFailed."""
         text, contents = resolved(self._scenario).encode(), read_files(self._scenario.files)
-        file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
-        for name, content in contents.items():
-            file.attach(layout.file_attachment(name), "application/octet-stream", content)
+        file.attach_scenario(text, contents)
         file.add_metadata(layout.ENVIRONMENT_METADATA, own_versions())
         faults = enumerate(map(format_fault, self._scenario.faults))
         if rows := {f"{number:04}": text for number, text in faults}:
