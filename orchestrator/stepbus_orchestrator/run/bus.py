@@ -186,18 +186,16 @@ def open_bus(endpoint: Endpoint, run: str) -> ZenohBus:
 class Session:
     """The bus of one run, with its token.
 
-    limit_s: how long a participant may read nothing while something is published to it [s];
-    default: the longest deadline for a step.
+    While something is published to a participant, it may read nothing for the longest deadline for
+    a step.
     """
 
-    def __init__(
-        self, scenario: Scenario, bus: Bus, token: str, limit_s: float | None = None
-    ) -> None:
+    def __init__(self, scenario: Scenario, bus: Bus, token: str) -> None:
         self.scenario = scenario
         self.bus = bus
         self.token = token
         longest_s = max(spec.deadlines.step_s for spec in scenario.participants)
-        self.announcer = Announcer(bus, token, longest_s if limit_s is None else limit_s)
+        self.announcer = Announcer(bus, token, longest_s)
         self.inbox = Inbox(bus.queue())
 
 

@@ -25,12 +25,20 @@ from stepbus_schemas import Message, error_text
 class RunView(Protocol):
     """What an extension, and a host, may use of a run.
 
-    state: how far it is. session: its end of the bus. recorder: gets the outputs. timing: gets what
-    the clock shows. out: folder of the run. observer: is notified of progress. interrupt: ends the
-    run when it is set. messages: takes what participants send. gates: hold steps. descriptions: of
-    all outputs, from the end of the start-up on. is_timed: whether the clock says when steps begin.
+    key, token: its key space on the bus, and its secret. is_star: whether participants are linked
+    to the orchestrator only, which passes on what they publish. state: how far it is; its scenario
+    is that of the participants. session: its end of the bus. recorder: gets the outputs. timing:
+    gets what the clock shows. out: folder of the run. observer: is notified of progress. interrupt:
+    ends the run when it is set. messages: takes what participants send. gates: hold steps.
+    descriptions: of all outputs, from the end of the start-up on. is_timed: whether the clock says
+    when steps begin.
+    warn: gets a participant and what it has left behind. result: returns what result.json would
+    hold, were the run over.
     """
 
+    key: str
+    token: str
+    is_star: bool
     state: RunState
     session: Session
     recorder: Sink
@@ -43,6 +51,8 @@ class RunView(Protocol):
     gates: list[Gate]
     descriptions: Descriptions
     is_timed: bool
+    warn: Callable[[str, str], None]
+    result: Callable[[], bytes]
 
     def newest(self, output: str) -> Message | None:
         """Return the newest message of an output, such as `plant.joint_state`; None before one."""

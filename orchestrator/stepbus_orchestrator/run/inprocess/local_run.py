@@ -14,7 +14,8 @@ import msgspec
 
 from stepbus_orchestrator.errors import Interrupted, StartFailed, argument
 from stepbus_orchestrator.run.extension import RunView
-from stepbus_orchestrator.run.host import Caller, Opening, Strategy
+from stepbus_orchestrator.run.folder import LOGS_FOLDER
+from stepbus_orchestrator.run.host import Caller, Strategy
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
 from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
@@ -102,19 +103,18 @@ class LocalRun(Strategy):
     bus: the orchestrator's, whose network the participants join. caller: as of `InProcess`.
     """
 
-    def __init__(self, opening: Opening, clock: Clock, caller: Caller | None) -> None:
+    def __init__(self, run: RunView, clock: Clock, caller: Caller | None) -> None:
         self.hub = Hub(clock)
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
         self.state: RunState | None = None
-        self.logs = opening.logs
-        self.is_star = opening.is_star
-        folder, specs = opening.scenario.folder, opening.scenario.participants
+        self.logs = run.out / LOGS_FOLDER
+        folder, specs = run.state.scenario.folder, run.state.scenario.participants
         files = [spec.participant.rpartition(":")[0] for spec in specs]
         files = [file for file in files if file.endswith(".py")]
         self.surroundings = Surroundings(folder, files)
         self.memory: Turns
-        self._opening = opening
+        self._run = run
         self._caller = caller
         self._hosted: list[HostedParticipant] = []
         self._pid = os.getpid()
@@ -135,7 +135,7 @@ class LocalRun(Strategy):
                     "one process works in the scenario's folder and logs to the run's "
                     "folder"
                 ) from exc
-            is_interrupted = self._opening.interrupt.is_set
+            is_interrupted = self._run.interrupt.is_set
             watch = Watch(self._current, is_interrupted, native_log)
             stack.callback(watch.close)
             stack.callback(self._end_all)
@@ -195,7 +195,7 @@ class LocalRun(Strategy):
         scenario, specs = run.state.scenario, run.state.scenario.participants
         self.memory.begin(
             {
-                "result": self._opening.result().decode(),
+                "result": run.result().decode(),
                 "names": [spec.name for spec in specs],
                 "every": [spec.every for spec in specs],
                 "limits": [_limits(spec.deadlines) for spec in specs],
@@ -216,9 +216,9 @@ class LocalRun(Strategy):
     ) -> HostedParticipant:
         shown = options.pop("has_terminal", False)
         ticket = Ticket(
-            run=self._opening.run,
+            run=self._run.key,
             name=spec.name,
-            token=self._opening.token,
+            token=self._run.token,
             endpoint=Endpoint(listen=[], connect=["this process"]),
             join_timeout_s=spec.deadlines.join_s,
             protocols=SPOKEN,
@@ -234,7 +234,7 @@ class LocalRun(Strategy):
             return HostedParticipant(
                 self.hub,
                 ticket,
-                LoopbackBus(self.bus, self.hub.queue, is_leaf=self.is_star),
+                LoopbackBus(self.bus, self.hub.queue, is_leaf=self._run.is_star),
                 self.logs / f"{spec.name}.log",
                 program,
                 words=self.memory.words,
