@@ -11,9 +11,8 @@ from typing import Any
 
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.processes.child import Process as RunProcess
-from stepbus_orchestrator.run.extension import RunView
+from stepbus_orchestrator.run.extension import RunView, Strategy
 from stepbus_orchestrator.run.folder import LOGS_FOLDER
-from stepbus_orchestrator.run.host import Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import (

@@ -21,8 +21,8 @@ from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
+from stepbus_orchestrator.run.extension import Strategy
 from stepbus_orchestrator.run.extensions.calls import Calls
-from stepbus_orchestrator.run.host import Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.load import load

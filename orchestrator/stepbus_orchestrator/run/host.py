@@ -5,47 +5,12 @@
 
 import threading
 from contextlib import AbstractContextManager
-from typing import Any, Protocol
+from typing import Protocol
 
-from stepbus_orchestrator.processes.slots import RunSlots
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_participant import Bus, Clock, Config, Disk, Participant
+from stepbus_participant import Bus, Clock, Disk
 
-from .extension import RunView
-
-
-class Strategy:
-    """How a run gets its participants.
-
-    has_links: whether messages between them travel over a transport. slots: what they share files
-    by.
-    """
-
-    has_links = False
-    slots: RunSlots = RunSlots()
-
-    def launch(self, run: RunView) -> None:
-        """Start them, and hand each to `run.started`.
-
-        Raises StartFailed when one cannot be started.
-        """
-        raise NotImplementedError
-
-
-class Caller(Protocol):
-    """Our caller, who makes the steps of a run in one process, in place of a participant.
-
-    name: of the participant. local: the run, once it is open.
-    """
-
-    name: str
-    local: Any
-
-    def make(self, config: Config) -> Participant:
-        """Return the participant."""
-
-    def away(self) -> bool:
-        """Work where no participant can; return whether one can now."""
+from .extension import RunView, Strategy
 
 
 class Host(Protocol):

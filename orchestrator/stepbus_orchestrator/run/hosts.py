@@ -15,9 +15,8 @@ from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.slots import RunSlots, make_slots
 from stepbus_orchestrator.processes.warm import all_started, warm_parent
 from stepbus_orchestrator.run.bus import open_bus
-from stepbus_orchestrator.run.extension import RunView
+from stepbus_orchestrator.run.extension import RunView, Strategy
 from stepbus_orchestrator.run.folder import LOGS_FOLDER
-from stepbus_orchestrator.run.host import Caller, Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.live_file import Live, forget
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
@@ -124,31 +123,31 @@ class InProcess:
     """Has all participants in this process.
 
     owns_descriptors: descriptors 1 and 2 are the run's alone, and what libraries in C print goes to
-    a log. caller: makes the steps, in place of a participant, and keeps runs of other threads off.
+    a log. has_caller: our caller makes the steps, and keeps runs of other threads off.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     owns_descriptors: bool = False
-    caller: Caller | None = None
+    has_caller: bool = False
 
     def alone(self, interrupt: threading.Event) -> AbstractContextManager[None]:
         """Wait until no run in one process of another thread goes on, and keep it so."""
         from stepbus_orchestrator.run.inprocess.local_run import alone  # noqa: PLC0415
 
-        return alone(interrupt) if self.caller is None else nullcontext()
+        return nullcontext() if self.has_caller else alone(interrupt)
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""
         from stepbus_orchestrator.run.inprocess.local_run import check_scenario  # noqa: PLC0415
 
-        check_scenario(scenario, has_caller=self.caller is not None)
+        check_scenario(scenario, has_caller=self.has_caller)
 
     @contextlib.contextmanager
     def open(self, run: RunView) -> Iterator[tuple[Bus, Strategy]]:
         """Put the process in order for participants, and back at the end."""
         from stepbus_orchestrator.run.inprocess.local_run import LocalRun  # noqa: PLC0415
 
-        local = LocalRun(run, self.clock, self.caller)
+        local = LocalRun(run, self.clock)
         with local.opened(owns_descriptors=self.owns_descriptors):
             yield local.bus, local

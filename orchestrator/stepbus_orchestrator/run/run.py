@@ -30,8 +30,8 @@ from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import Bus
 from stepbus_schemas import Message, Start, encode, reached
 
-from .extension import RunExtension, overriding
-from .host import Host, Strategy
+from .extension import RunExtension, Strategy, overriding
+from .host import Host
 from .kernel.deadlines import check_bulk, check_closing, check_start, check_step
 from .kernel.failures import death, kept_thread, took_nothing
 from .kernel.messages import MessageHandler
@@ -47,7 +47,7 @@ _LATE_REPORTS_S = 1.0
 """The same on a busy machine, where one of them has not."""
 _LAST_S = 0.5
 """How long the last messages of a process may come behind its end [s]."""
-OWN_WORK_S = 60.0
+_OWN_WORK_S = 60.0
 """How long a program that has left a complete run may work on, to save a plot for example [s]."""
 _LEAVE_S = 1.0
 """How long a run that has failed waits for a process that the user has started [s]."""
@@ -60,7 +60,7 @@ _FLUSH_EVERY = 4
 class Run:
     """One run, as extensions see it in `RunView`; `take_place` goes through its phases.
 
-    extensions: its features. strategy: how it gets its participants. is_attached: whether it has
+    extensions: its features. is_attached: whether it has
     been on the bus. killed: those that read nothing, and blocked all others. ended_at: when the
     stop was sent, by the monotonic clock [s]. is_recorded: whether the recorder has been asked to
     finish, so that it must not be asked to abort.
@@ -307,8 +307,6 @@ class Run:
             and not (failure is not None and one.process.activity().is_stopped)
         ]
         late = self._await_ends(waits_for, has_failed=failure is not None)
-        for one in late:
-            one.works_on = one.is_on_its_own and failure is None
         for one in participants.values():
             one.process.terminate()
         # They share the grace between the two signals.
@@ -323,7 +321,7 @@ class Run:
         ):
             self._receive_after_failure(SHORT_TICK_S)
         self.announcer.close()
-        return [one for one in late if not one.works_on]
+        return late
 
     def _await_ends(
         self, participants: list[ParticipantState], *, has_failed: bool
@@ -347,11 +345,11 @@ class Run:
         stop_s = participant.limit_s("stop")
         if self.interrupt.is_set():
             return min(stop_s, Deadlines.stop_s)
-        return max(stop_s, OWN_WORK_S) if participant.is_on_its_own and not has_failed else stop_s
+        return max(stop_s, _OWN_WORK_S) if participant.is_on_its_own and not has_failed else stop_s
 
     def _check_ends(self, late: list[ParticipantState]) -> None:
         """Raise for a participant that did not end in time, or with another exit code than 0."""
-        participants = [one for one in self.state.participants.values() if not one.works_on]
+        participants = self.state.participants.values()
         late += [one for one in participants if one.process.late or one.name in self.killed]
         if late:
             reached("a participant is late to end")
@@ -359,7 +357,7 @@ class Run:
             raise StopTimeout(
                 (
                     f"{', '.join(one.who() for one in late)} did not end within "
-                    f"{first.limit_s('stop'):g} s of the stop and was "
+                    f"{self._patience_s(first, has_failed=False):g} s of the stop and was "
                     f"{'killed' if first.external is None else 'left running'} "
                     f"(participants.{first.name}.stop_timeout); the recording is complete"
                 ),

@@ -25,7 +25,7 @@ from stepbus_orchestrator.run.host import Host
 from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.reports import Events, Observer
 from stepbus_orchestrator.run.result import Result, own_versions, result_of
-from stepbus_orchestrator.run.run import OWN_WORK_S, Run
+from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.faults import format_fault
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import check_installed
@@ -133,7 +133,6 @@ class _Execution:
             if self._file is not None:
                 for what in self._scenario.left_out:
                     self._events.add_warning("recording", f"a rerun does not find {what}")
-            self._warn_of_own_work()
         except RunFailure as exc:
             failure = exc
         except OSError as exc:
@@ -160,17 +159,6 @@ class _Execution:
                 for text in warnings_in(log):
                     self._events.add_warning(spec.name, text)
 
-    def _warn_of_own_work(self) -> None:
-        """Name the programs that had left the run, and were ended all the same."""
-        for one in self._run.state.participants.values() if self._run else ():
-            if one.works_on:
-                limit_s = max(OWN_WORK_S, one.limit_s("stop"))
-                self._events.add_warning(
-                    one.name,
-                    "had left the complete run, but still worked on, and was killed; it has "
-                    f"{limit_s:g} s, or more with participants.{one.name}.stop_timeout",
-                )
-
     def _describe(self, file: McapFile) -> None:
         """Record all that is needed to run again; raises RecordingFailed."""
         text, contents = resolved(self._scenario).encode(), read_files(self._scenario.files)
@@ -181,9 +169,6 @@ class _Execution:
         faults = enumerate(map(format_fault, self._scenario.faults))
         if rows := {f"{number:04}": text for number, text in faults}:
             file.add_metadata(layout.FAULTS_METADATA, rows)
-        for extension in self._options.extensions:
-            for name, facts in extension.metadata().items():
-                file.add_metadata(name, facts)
 
     def _take_place(self) -> str:
         """Go through the phases on the host, and return why the run ended."""

@@ -10,7 +10,7 @@ import msgspec
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.processes.child import Process
 from stepbus_orchestrator.recording import Sink
-from stepbus_orchestrator.run.host import Strategy
+from stepbus_orchestrator.run.extension import Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario

@@ -13,9 +13,8 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import Interrupted, StartFailed, argument
-from stepbus_orchestrator.run.extension import RunView
+from stepbus_orchestrator.run.extension import RunView, Strategy
 from stepbus_orchestrator.run.folder import LOGS_FOLDER
-from stepbus_orchestrator.run.host import Caller, Strategy
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
 from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
@@ -100,10 +99,10 @@ def _remedy(spec: ParticipantSpec) -> str:
 class LocalRun(Strategy):
     """Hosts all participants in this process; none is played.
 
-    bus: the orchestrator's, whose network the participants join. caller: as of `InProcess`.
+    bus: the orchestrator's, whose network the participants join.
     """
 
-    def __init__(self, run: RunView, clock: Clock, caller: Caller | None) -> None:
+    def __init__(self, run: RunView, clock: Clock) -> None:
         self.hub = Hub(clock)
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
@@ -115,7 +114,6 @@ class LocalRun(Strategy):
         self.surroundings = Surroundings(folder, files)
         self.memory: Turns
         self._run = run
-        self._caller = caller
         self._hosted: list[HostedParticipant] = []
         self._pid = os.getpid()
         self._handlers: dict[int, Any] = {}
@@ -146,8 +144,6 @@ class LocalRun(Strategy):
                 self._handlers = {
                     n: handler for n, handler in handlers.items() if handler is not None
                 }
-            if self._caller is not None:
-                self._caller.local, self.hub.away = self, self._caller.away
             yield self
 
     def _end_all(self) -> None:
@@ -214,7 +210,7 @@ class LocalRun(Strategy):
     def _host(
         self, spec: ParticipantSpec, scenario: Scenario, options: dict[str, Any]
     ) -> HostedParticipant:
-        shown = options.pop("has_terminal", False)
+        shown, make = options.pop("has_terminal", False), options.pop("make", None)
         ticket = Ticket(
             run=self._run.key,
             name=spec.name,
@@ -225,9 +221,7 @@ class LocalRun(Strategy):
             **options,
         )
         number = min(1 + scenario.participants.index(spec), MOST - 1)
-        program = partial(_take_part, spec, scenario.folder)
-        if self._caller is not None and self._caller.name == spec.name:
-            program = partial(main, self._caller.make)
+        program = partial(main, make) if make else partial(_take_part, spec, scenario.folder)
         count = partial(count_steps, self.memory.words, PUBLISHED + number)
         self.bus.subscribe_content(f"out/{spec.name}", count)
         try:
