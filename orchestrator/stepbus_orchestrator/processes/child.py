@@ -39,9 +39,6 @@ TERM_GRACE_S = 1.0
 """How long a process may take to end after SIGTERM [s]."""
 _KILL_S = 5.0
 """How long a killed process may take to go; one in the middle of a disk access takes long [s]."""
-_CAUSES = {
-    signal.SIGBUS: " (did another process truncate a file that it maps, such as one of slots?)"
-}
 _FIRST_PAUSE_S = 0.0005
 _LONGEST_PAUSE_S = 0.05
 
@@ -66,8 +63,7 @@ class Process:
         """Return its end in words: `exited with code 1` or `was killed by SIGKILL`."""
         code = self.exit_code()
         if code is not None and code < 0:
-            number = signal.Signals(-code)
-            return f"was killed by {number.name}{_CAUSES.get(number, '')}"
+            return f"was killed by {signal.Signals(-code).name}"
         return f"exited with code {code}"
 
     def last_output(self) -> str:

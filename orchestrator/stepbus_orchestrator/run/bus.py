@@ -87,11 +87,10 @@ class Announcer:
     takes longer, and has to end the process that reads nothing.
     """
 
-    def __init__(self, bus: Bus, token: str, limit_s: float) -> None:
-        self.on_block: Callable[[], None] = lambda: None
+    def __init__(self, bus: Bus, token: str, limit_s: float, on_block: Callable[[], None]) -> None:
         self._bus = bus
         self._token = token
-        self._watchdog = Watchdog(limit_s, self._blocked, bus.clock, bus.every)
+        self._watchdog = Watchdog(limit_s, on_block, bus.clock, bus.every)
         self._put_start = self.publisher("start", "Start/1")
         self._put_trigger = self.publisher("trigger", "Trigger/1")
         self._put_stop = self.publisher("stop", "Stop/1")
@@ -156,9 +155,6 @@ class Announcer:
         """Stop the watchdog; nothing is published afterwards."""
         self._watchdog.close()
 
-    def _blocked(self) -> None:
-        self.on_block()
-
     def _trigger(self) -> bytes:
         return encode(Trigger(token=self._token, step_limit=self._step_limit))
 
@@ -186,16 +182,17 @@ def open_bus(endpoint: Endpoint, run: str) -> ZenohBus:
 class Session:
     """The bus of one run, with its token.
 
-    While something is published to a participant, it may read nothing for the longest deadline for
-    a step.
+    on_block: as of `Announcer`; a put may block for the longest deadline for a step.
     """
 
-    def __init__(self, scenario: Scenario, bus: Bus, token: str) -> None:
+    def __init__(
+        self, scenario: Scenario, bus: Bus, token: str, on_block: Callable[[], None]
+    ) -> None:
         self.scenario = scenario
         self.bus = bus
         self.token = token
         longest_s = max(spec.deadlines.step_s for spec in scenario.participants)
-        self.announcer = Announcer(bus, token, longest_s)
+        self.announcer = Announcer(bus, token, longest_s, on_block)
         self.inbox = Inbox(bus.queue())
 
 

@@ -127,9 +127,8 @@ class Run:
         self.strategy = strategy
         self.clock = bus.clock
         self._began = self._checked_at = self.clock.monotonic()
-        session = self.session = Session(self.state.scenario, bus, self.token)
+        session = self.session = Session(self.state.scenario, bus, self.token, self._kill_blockers)
         self.announcer = session.announcer
-        self.announcer.on_block = self._kill_blockers
         self.messages = MessageHandler(
             self.state, self.token, self.recorder, self.timing, take_slots=strategy.slots.take
         )
