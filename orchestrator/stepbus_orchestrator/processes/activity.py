@@ -37,17 +37,6 @@ class Activity:
         return ""
 
 
-@dataclass(frozen=True)
-class KeptThread:
-    """How a participant that shares our thread missed a deadline.
-
-    held_s: how long it kept the thread [s]. where: the line of its code.
-    """
-
-    held_s: float
-    where: str
-
-
 def activity(*groups: int) -> Activity:
     """Return what the processes of some groups are doing; nothing where that is unknown."""
     return _activity(row for _, row in _rows() if int(row[_GROUP]) in groups) if groups else NOTHING

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
-from stepbus_orchestrator.processes.activity import Activity, KeptThread, activity
+from stepbus_orchestrator.processes.activity import Activity, activity
 from stepbus_orchestrator.processes.place import Place, core_of, place_threads
 from stepbus_orchestrator.processes.warm import fork
 from stepbus_participant import append_to, last_lines
@@ -47,13 +47,13 @@ class Process:
     """A participant's process, as a run sees it.
 
     log: the file its stdout and stderr go to. pid: its process id; 0: unknown. late: how it missed
-    a deadline, where it shares our thread and has.
+    a deadline, where it shares our thread and has: `computing for 3.1 s, at a.py:7 in update`.
     """
 
     def __init__(self, log: Path) -> None:
         self.log = log
         self.pid = 0
-        self.late: KeptThread | None = None
+        self.late = ""
 
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it runs."""

@@ -75,8 +75,8 @@ class Processes:
                 yield bus, _Launch(launcher, mesh, slots, self._order(scenario))
         finally:
             held.close()
-            for left in launcher.end_all():
-                run.warn(left.participant, left.text())
+            for name, text in launcher.end_all():
+                run.warn(name, text)
 
     def _order(self, scenario: Scenario) -> Sequence[str]:
         return self.start_order or [spec.name for spec in scenario.participants]

@@ -450,8 +450,8 @@ class Run:
                 continue
             if name in self.killed:
                 raise took_nothing(self.state, participant)
-            if process.late is not None:
-                raise kept_thread(self.state, participant, process.late)
+            if process.late:
+                raise kept_thread(self.state, participant)
             # A fault that it, or a witness, has reported is more precise, and is raised from here.
             self._receive_last_reports(name)
             raise death(self.state, participant)

@@ -15,8 +15,7 @@ import msgspec
 from stepbus_orchestrator.errors import Interrupted, StartFailed, argument
 from stepbus_orchestrator.run.extension import RunView, Strategy
 from stepbus_orchestrator.run.folder import LOGS_FOLDER
-from stepbus_orchestrator.run.inprocess.hub import Hub
-from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
+from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub
 from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
 from stepbus_orchestrator.run.inprocess.turns import MOST, PUBLISHED, STAGE, Stage, Turns
 from stepbus_orchestrator.run.inprocess.watch import Watch
@@ -114,7 +113,6 @@ class LocalRun(Strategy):
         self.surroundings = Surroundings(folder, files)
         self.memory: Turns
         self._run = run
-        self._hosted: list[HostedParticipant] = []
         self._pid = os.getpid()
         self._handlers: dict[int, Any] = {}
 
@@ -134,7 +132,7 @@ class LocalRun(Strategy):
                     "folder"
                 ) from exc
             is_interrupted = self._run.interrupt.is_set
-            watch = Watch(self._current, is_interrupted, native_log)
+            watch = Watch(self.hub, is_interrupted, native_log)
             stack.callback(watch.close)
             stack.callback(self._end_all)
             self.memory = watch.memory
@@ -147,7 +145,7 @@ class LocalRun(Strategy):
             yield self
 
     def _end_all(self) -> None:
-        for hosted in self._hosted:
+        for hosted in self.hub.hosted:
             hosted.end()
 
     def leave(self) -> None:
@@ -161,11 +159,6 @@ class LocalRun(Strategy):
             self.state.away_s += away_s
 
     # --- who has the thread -----------------------------------------------------------------
-
-    def _current(self) -> HostedParticipant | None:
-        """Return who has the thread of the run, also to other threads."""
-        turn = self.hub.current
-        return turn if isinstance(turn, HostedParticipant) else None
 
     def _before(self) -> None:
         """Note how far the run is, since the orchestrator has had the thread."""
@@ -203,7 +196,6 @@ class LocalRun(Strategy):
         self.state = run.state
         for spec in specs:
             hosted = self._host(spec, scenario, run.start_options(spec))
-            self._hosted.append(hosted)
             run.started(ParticipantState(spec, hosted))
             run.timing.event("spawn", spec.name, f"in process {hosted.pid}")
 
