@@ -84,7 +84,7 @@ class Stand:
         return phases, dict(self.loop.state.barrier.reported), self.loop.state.end
 
     def close(self):
-        self.session.announcer.close()
+        self.session.close()
         self.recorder.abort()
         self.timing.close()
 

@@ -128,12 +128,11 @@ class Run:
         self.clock = bus.clock
         self._began = self._checked_at = self.clock.monotonic()
         session = self.session = Session(self.state.scenario, bus, self.token, self._kill_blockers)
-        self.announcer = session.announcer
         self.messages = MessageHandler(
             self.state, self.token, self.recorder, self.timing, take_slots=strategy.slots.take
         )
-        self.safe_stop = SafeStop(session, self.state, self.messages)
-        self._repeats = Repeats(session, self.state, self.messages, self.timing)
+        self.safe_stop = SafeStop(self)
+        self._repeats = Repeats(self)
         for extension in self.extensions:
             extension.attach(self)
         self.is_attached = True
@@ -209,7 +208,7 @@ class Run:
             extension.ready()
         self.timing.event("start")
         state.started_at = self.clock.monotonic()
-        self.announcer.start(message)
+        self.session.start(message)
 
     # --- stepping and closing -------------------------------------------------------------
 
@@ -222,14 +221,14 @@ class Run:
             self._turn(self._check)
             if barrier.count == before:
                 # A participant may have missed it: it was published before the link was complete.
-                self.announcer.repeat(with_start=not barrier.has_all_started)
+                self.session.repeat(with_start=not barrier.has_all_started)
 
     def _check(self, elapsed_s: float) -> None:
         self._release(always=True)
         # No participant is late while a gate holds the run.
         if not self.state.is_held:
             check_step(self.state, elapsed_s)
-            self._repeats.look(self.state.barrier.holders(), "step", self.observer)
+            self._repeats.look(self.state.barrier.holders(), "step")
 
     def _close(self) -> None:
         """Ask for the closing outputs (P11.3), and finish the recording behind them."""
@@ -253,7 +252,7 @@ class Run:
         check_closing(self.state, closing, elapsed_s)
         reported, end = self.state.barrier.reported, self.state.last_step
         owing = [name for name in closing if reported[name] < end]
-        self._repeats.look(owing, "stop", self.observer)
+        self._repeats.look(owing, "stop")
 
     # --- fallback -------------------------------------------------------------------------
 
@@ -266,7 +265,7 @@ class Run:
         participant.process.wait(LONGEST_TICK_S)
         self.state.replaced = name
         self._receive_last_reports(name)
-        first, until = self.safe_stop.start(name, self.descriptions)
+        first, until = self.safe_stop.start(name)
         self.state.end = (until, f"{name} has failed; its commands were held")
         self.recorder.add_metadata(
             layout.FALLBACK_METADATA,
@@ -319,7 +318,7 @@ class Run:
             one.has_left or one.external is not None for one in waits_for
         ):
             self._receive_after_failure(SHORT_TICK_S)
-        self.announcer.close()
+        self.session.close()
         return late
 
     def _await_ends(
@@ -333,7 +332,7 @@ class Run:
                 return left
             for extension in self.extensions:
                 extension.awaiting(left)
-            self.announcer.repeat_stop()
+            self.session.repeat_stop()
             self._receive_after_failure(SHORT_TICK_S)
 
     def _patience_s(self, participant: ParticipantState, *, has_failed: bool) -> float:
@@ -509,7 +508,7 @@ class Run:
             for begin in self._releases:
                 begin(released, limit)
             self.state.released = limit
-            self.announcer.trigger(limit)
+            self.session.trigger(limit)
             self.timing.trigger(limit)
 
     # --- what extensions and hosts do ---------------------------------------------------------
@@ -544,7 +543,7 @@ class Run:
         self.ended_at = self.clock.monotonic()
         for extension in self.extensions:
             extension.stopping()
-        self.announcer.stop(reason, at_step)
+        self.session.stop(reason, at_step)
 
     def progress(self) -> Progress:
         """Return how far the run is."""
