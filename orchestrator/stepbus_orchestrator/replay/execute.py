@@ -12,7 +12,6 @@ from typing import Any
 from stepbus_orchestrator.analysis.divergence import PortResult, fields_of, in_order
 from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
 from stepbus_orchestrator.errors import OutputExists, ParticipantFault, argument
-from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import (
     Recorder,
@@ -28,16 +27,13 @@ from stepbus_orchestrator.replay.recorded import Ports, recorded_descriptions
 from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.replay.trust import find_source, programs_of
-from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.folder import LOGS_FOLDER, read_files, scratch_folder
-from stepbus_orchestrator.run.host import Opening
 from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import at
-from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, partly_recorded
@@ -259,34 +255,18 @@ def _run(
     folder: gets the participant's log.
     """
     name, recording = replayed.spec.name, replayed.recording
-    extensions = [replayed, Calls(recorded_calls(recording, name))]
-    opening = Opening(
-        # For the links on the bus.
-        scenario=dataclasses.replace(scenario, participants=(scenario.participant(name),)),
+    host = Processes(start_order=[name], has_slots=False)
+    run = Run(
+        scenario,
+        sink,
+        TimingRecorder(None, host.clock),
         out=folder,
-        logs=folder / LOGS_FOLDER,
-        run=new_token(),
-        token=new_token(),
-        extensions=extensions,
-        interrupt=interrupt or threading.Event(),
-        warn=lambda _name, _text: None,
-        result=bytes,
+        observer=observer,
+        interrupt=interrupt,
+        extensions=[replayed, Calls(recorded_calls(recording, name))],
     )
-    make_new_folder(opening.logs)
-    # Its peers are played, and its window is large.
-    with Processes(start_order=[name], has_slots=False).open(opening) as (bus, strategy):
-        longest_s = scenario.participant(name).deadlines.step_s
-        run = Run(
-            Session(scenario, bus, opening.token, longest_s),
-            strategy,
-            sink,
-            TimingRecorder(None, bus.clock),
-            out=folder,
-            observer=observer,
-            interrupt=interrupt,
-            extensions=extensions,
-        )
-        run_phases(run)
+    make_new_folder(folder / LOGS_FOLDER)
+    run.take_place(host)
     return run
 
 

@@ -206,7 +206,7 @@ class Player:
     def _open(self, spec: ParticipantSpec) -> None:
         bus, into = self._session.bus, self._session.inbox.into
         # The orchestrator's own subscribers do not get what it publishes (`remote`).
-        publisher = partial(self._session.announcer.publisher, remote=True)
+        publisher = partial(self._session.publisher, remote=True)
         key = f"out/{spec.name}"
         put = self._puts[spec.name] = publisher(key, "Outputs/1")
         bulk = {port: f"bulk/{spec.name}/{port}" for port, o in spec.outputs.items() if o.bulk}

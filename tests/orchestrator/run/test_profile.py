@@ -2,7 +2,6 @@
 
 import csv
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -46,11 +45,7 @@ def test_each_step_of_each_participant_has_a_row(runs, name):
     rows = rows_of(runs[1], name)
     assert [row["step"] for row in rows] == list(range(STEPS))
     assert all(row["compute_ns"] > 0 and row["transport_ns"] > 0 for row in rows)
-    assert all(row["wait_ns"] >= 0 and row["record_ns"] >= 0 for row in rows)
-
-
-def test_batches_are_the_share_of_the_recording(runs):
-    rows = rows_of(runs[1], "controller")
+    assert all(row["wait_ns"] >= 0 for row in rows)
     assert sum(row["record_ns"] for row in rows) > 0
 
 
@@ -76,13 +71,6 @@ def test_a_run_does_not_fail_from_a_profile_without_room(tmp_path, monkeypatch):
     assert (result.exit_code, result.steps) == (0, STEPS)
     log = (tmp_path / "out" / "logs" / "plant.log").read_text()
     assert log.count("plant.csv is incomplete: No space left") == 1
-
-
-def test_a_profiled_run_on_a_full_disk_ends_with_the_code_of_its_recording(small_disk):
-    command = [STEPBUS, "run", "two_link", "--in-process", "--profile", "--no-report"]
-    command += ["--set", "duration=1000s", "--out", small_disk("1800k") / "run"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert (done.returncode, "Traceback" in done.stderr) == (8, False), done.stderr
 
 
 def test_the_summary_leaves_out_a_row_that_was_cut_off(runs):
