@@ -119,13 +119,11 @@ class Engine(Protocol):
     An engine inherits what it does not do otherwise.
 
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
-    name: as the world file has it. geometry: as it computes with poses. draws_in_copies: whether a
-    copy of the process can draw images.
+    name: as the world file has it. geometry: as it computes with poses.
     """
 
     name: str
     geometry: Geometry
-    draws_in_copies: bool
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None: ...
 

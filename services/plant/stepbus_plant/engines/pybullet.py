@@ -43,7 +43,6 @@ class BulletEngine(Engine):
     """A headless PyBullet client, see `Engine`. client: its number."""
 
     name = "pybullet"
-    draws_in_copies = True
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry: Geometry = BulletGeometry()

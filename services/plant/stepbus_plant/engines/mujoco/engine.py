@@ -24,7 +24,6 @@ class MujocoEngine(World):
     """A world in MuJoCo, see `Engine`."""
 
     name = "mujoco"
-    draws_in_copies = False
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         super().__init__(mujoco.MjSpec(), step_s)
