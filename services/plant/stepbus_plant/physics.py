@@ -276,14 +276,15 @@ class Physics:
             is_loose = where in self._loose
             stops = (-math.inf, math.inf) if is_loose else (joint.lower, joint.upper)
             engine.set_joint(*where, damping=joint.damping, lower=stops[0], upper=stops[1])
-            self.teleport(joint, joint.start, joint.start_velocity)
-            engine.turn(joint.body, [joint.index], [0.0], [joint.friction])
         for body, leader in self._followers:
             if body in self._coupled:
                 continue
             for follower, mimic in self._followers_of((body, leader)):
                 gear = Gear(mimic.multiplier, mimic.offset, _GEAR_ERP, _GEAR_FORCE)
                 engine.couple(body, follower.index, leader, gear)
+        for joint in self.joints.values():
+            self.teleport(joint, joint.start, joint.start_velocity)
+            engine.turn(joint.body, [joint.index], [0.0], [joint.friction])
         if self._items:
             engine.update_shapes()
         for number in self._items:

@@ -59,8 +59,7 @@ class Body:
     """A loaded body.
 
     rows: (link, joint before it) by MuJoCo's names, the root and "" first; a link with several
-    joints has a row for each. solid: names of links with a collision shape. root: pose when loaded.
-    is_fixed: whether the root is fixed. in_degrees: whether the angles of its spec are in degrees.
+    joints has a row for each. solid: names of links with a collision shape. is_fixed: whether the root is fixed. in_degrees: whether the angles of its spec are in degrees.
     notes: sentences about parts of the model that are not used.
     """
 
@@ -68,7 +67,6 @@ class Body:
     robot: RobotDescription
     rows: list[tuple[str, str]]
     solid: set[str]
-    root: Pose
     is_fixed: bool
     in_degrees: bool
     notes: list[str]
@@ -212,7 +210,6 @@ def add(world: Any, robot: RobotDescription, number: int, pose: Pose, options: L
         robot=robot,
         rows=list(_rows(robot, spec.bodies[0 if in_world else 1 :])),
         solid={body.name for body in spec.bodies if any(map(_is_solid, body.geoms))},
-        root=pose,
         is_fixed=options.is_fixed,
         in_degrees=bool(spec.compiler.degree),
         notes=notes,
@@ -225,7 +222,9 @@ def add(world: Any, robot: RobotDescription, number: int, pose: Pose, options: L
     position, (x, y, z, w) = pose
     frame = world.worldbody.add_frame(pos=position, quat=(w, x, y, z))
     if in_world:
-        base = world.worldbody.add_body(name=made.body_name(BASE), mocap=True)
+        base = world.worldbody.add_body(
+            name=made.body_name(BASE), mocap=True, pos=position, quat=(w, x, y, z)
+        )
         # Free joints are allowed in the world only.
         free = (joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints)
         frame = frame if any(free) else base.add_frame()

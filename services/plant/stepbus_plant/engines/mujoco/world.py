@@ -1,7 +1,7 @@
 """A compiled model and its state: substeps, joints, poses."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -62,9 +62,7 @@ class World(Engine):
         self.geometry = Geometry()
         self._spec, self._dt = spec, dt
         self._bodies: list[Body] = []
-        self._placed = 0
         self._is_changed, self._is_seen = True, False
-        self._waiting: list[Callable[[], None]] = []
         self._compiled: tuple[Any, Any] | None = None
         self._motors: Any = None
         self._space: Any = None
@@ -79,12 +77,6 @@ class World(Engine):
         if self._compiled is None or self._is_changed:
             self._compiled, self._is_changed = self._compile(), False
             self._drift_with(self._drift)
-            for body in self._bodies[self._placed :]:
-                self._place(body.number, body.root)
-            self._placed = len(self._bodies)
-            waiting, self._waiting = self._waiting, []
-            for act in waiting:
-                act()
         return self._compiled
 
     def _compile(self) -> tuple[Any, Any]:
@@ -107,13 +99,6 @@ class World(Engine):
         self._space = Space(model, data, {number: link for link, number in self._id.items()})
         self._motors = Motors(model, self._dt, self._motors)
         return model, data
-
-    def _then(self, act: Callable[[], None]) -> None:
-        """Change the state of the world once it is compiled, which takes its time."""
-        if self._is_changed:
-            self._waiting.append(act)
-        else:
-            act()
 
     def step(self) -> None:
         """See `Engine`."""
@@ -189,14 +174,10 @@ class World(Engine):
 
     def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
         """See `Engine`."""
-
-        def put() -> None:
-            places, dofs, _ = self._numbers_of(body, [index])
-            _, data = self._now()
-            data.qpos[places], data.qvel[dofs] = position, velocity
-            self._is_seen = False
-
-        self._then(put)
+        places, dofs, _ = self._numbers_of(body, [index])
+        _, data = self._now()
+        data.qpos[places], data.qvel[dofs] = position, velocity
+        self._is_seen = False
 
     def push(self, body: int, indices: Indices, torques: Values) -> None:
         """See `Engine`."""
@@ -205,11 +186,7 @@ class World(Engine):
 
     def turn(self, body: int, indices: Indices, velocities: Values, torques: Values) -> None:
         """See `Engine`."""
-
-        def turn() -> None:
-            self._motors.turn(self._numbers_of(body, indices)[2], velocities, torques)
-
-        self._then(turn)
+        self._motors.turn(self._numbers_of(body, indices)[2], velocities, torques)
 
     def bring(self, body: int, index: int, goal: Goal) -> None:
         """See `Engine`."""
