@@ -137,9 +137,11 @@ class MujocoEngine(World):
     ) -> tuple[NDArray[np.uint8], Array]:
         """See `Engine`."""
         self._looked()
-        return self._paint().image(size, view, projection, light)
+        return self._paint(*size).image(size, view, projection, light)
 
-    def _paint(self) -> Painter:
-        if self._painter is None:
-            self._painter = Painter(*self._now())
-        return self._painter
+    def _paint(self, width: int = 640, height: int = 480) -> Painter:
+        painter = self._painter
+        if painter is None or width > painter.width or height > painter.height:
+            self.close()
+            self._painter = painter = Painter(*self._now(), width, height)
+        return painter
