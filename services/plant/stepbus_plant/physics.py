@@ -1,13 +1,11 @@
 """A world in the physics engine: its bodies, links and joints by name."""
 
 import dataclasses
-import itertools
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TypeVar
-from weakref import WeakValueDictionary
 
 from stepbus_models import Mimic, RobotDescription, read_robot
 from stepbus_participant import Problems, suggest
@@ -29,8 +27,8 @@ _GEAR_ERP = 0.2
 _GEAR_FORCE = 1e4
 _STANDS = 1e-3
 """Gap below which a thing stands on what is beneath it [m]."""
-_NUMBERS = itertools.count()
-_OPEN: WeakValueDictionary[int, "Physics"] = WeakValueDictionary()
+_OPEN: list["Physics"] = []
+"""In the order in which they were opened."""
 
 
 class Physics:
@@ -62,8 +60,7 @@ class Physics:
         self._items: list[int] = []
         self._coupled: set[int] = set()
         self._loose: set[Link] = set()
-        self._number = next(_NUMBERS)
-        _OPEN[self._number] = self
+        _OPEN.append(self)
         try:
             loaded = [row for name, body in world.bodies.items() for row in self._load(name, body)]
             if any(keys[-1] == "urdf" for keys, _ in self.mistakes):
@@ -132,7 +129,8 @@ class Physics:
 
     def close(self) -> None:
         """Disconnect from the engine."""
-        _OPEN.pop(self._number, None)
+        if self in _OPEN:
+            _OPEN.remove(self)
         self.engine.close()
 
     # --- loading --------------------------------------------------------------------------
@@ -308,7 +306,7 @@ class Physics:
 
 def open_worlds() -> list[Physics]:
     """Return the worlds that are open in this process, in the order in which they were opened."""
-    return [world for _, world in sorted(_OPEN.items())]
+    return list(_OPEN)
 
 
 def _by_name(rows: Iterable[tuple[str, str, T]]) -> dict[str, T]:
