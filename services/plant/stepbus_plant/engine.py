@@ -116,7 +116,8 @@ class Light:
 class Engine(Protocol):
     """A world of bodies without a window. Bodies are numbered as they are loaded, from 0 on.
 
-    An engine inherits what it does not do otherwise.
+    Its bodies are loaded, coupled and let through each other before the first step or reading. An
+    engine inherits what it does not do otherwise.
 
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     name: as the world file has it. geometry: as it computes with poses.

@@ -269,18 +269,23 @@ class Physics:
     def _start(self) -> None:
         """Set the limits, motors and start positions of all joints."""
         engine = self.engine
-        for joint in self.joints.values():
-            where = joint.body, joint.index
-            is_loose = where in self._loose
-            stops = (-math.inf, math.inf) if is_loose else (joint.lower, joint.upper)
-            engine.set_joint(*where, damping=joint.damping, lower=stops[0], upper=stops[1])
         for body, leader in self._followers:
             if body in self._coupled:
                 continue
             for follower, mimic in self._followers_of((body, leader)):
                 gear = Gear(mimic.multiplier, mimic.offset, _GEAR_ERP, _GEAR_FORCE)
                 engine.couple(body, follower.index, leader, gear)
+        for row in self.world.grippers.values():
+            left, right = (self.joints.get(name) for name in (row.left, row.right))
+            # Uncoupled fingers drift with the object. Mistakes in a gripper are found later.
+            if left and right and left.body == right.body and left != right:
+                gear = Gear(1.0, 0.0, erp=0.1, force=100.0)
+                engine.couple(left.body, left.index, right.index, gear)
         for joint in self.joints.values():
+            where = joint.body, joint.index
+            is_loose = where in self._loose
+            stops = (-math.inf, math.inf) if is_loose else (joint.lower, joint.upper)
+            engine.set_joint(*where, damping=joint.damping, lower=stops[0], upper=stops[1])
             self.teleport(joint, joint.start, joint.start_velocity)
             engine.turn(joint.body, [joint.index], [0.0], [joint.friction])
         if self._items:

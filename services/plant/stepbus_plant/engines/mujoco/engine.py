@@ -2,7 +2,6 @@
 
 import math
 from itertools import combinations
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -38,10 +37,6 @@ class MujocoEngine(World):
         self._spec.compiler.degree = False
         self._painter: Painter | None = None
 
-    def _compile(self) -> tuple[Any, Any]:
-        self.close()
-        return super()._compile()
-
     def close(self) -> None:
         """See `Engine`."""
         if self._painter is not None:
@@ -66,7 +61,6 @@ class MujocoEngine(World):
         if robot.format == "urdf" and not options.collides_with_itself:
             for one, other in combinations(sorted(body.solid), 2):
                 self._let_through(f"{number}/{one}", f"{number}/{other}")
-        self._is_changed = True
         return number
 
     def notes(self, body: int) -> list[str]:
@@ -93,7 +87,6 @@ class MujocoEngine(World):
 
     def _let_through(self, one: str, other: str) -> None:
         self._spec.add_exclude(bodyname1=one, bodyname2=other)
-        self._is_changed = True
 
     # --- joints ---------------------------------------------------------------------------
 
@@ -101,17 +94,13 @@ class MujocoEngine(World):
         self, body: int, index: int, *, damping: float, lower: float, upper: float
     ) -> None:
         """See `Engine`; damping is implicit, and so always stable."""
-        own = self._bodies[body]
-        described = own.robot.joints[self.joints(body)[index]]
-        joint = self._spec.joint(own.joint_name(index))
+        model, _ = self._now()
+        joint = model.joint(self._bodies[body].joint_name(index))
         if damping != joint.damping[0]:
-            joint.damping = [damping, 0.0, 0.0]
-        is_limited = math.isfinite(lower) and math.isfinite(upper)
-        stops = [lower, max(upper, lower + LEAST_RANGE)] if is_limited else [0.0, 0.0]
-        if own.in_degrees and described.type != "prismatic":
-            stops = [math.degrees(stop) for stop in stops]
-        joint.limited, joint.range = int(is_limited), stops
-        self._is_changed = True
+            joint.damping, model.dof_dampingpoly[joint.dofadr] = damping, 0.0
+        joint.limited = math.isfinite(lower) and math.isfinite(upper)
+        if joint.limited:
+            joint.range = lower, max(upper, lower + LEAST_RANGE)
 
     def couple(self, body: int, follower: int, leader: int, gear: Gear) -> None:
         """See `Engine`; as stiff as can be and without a limit, whatever the gear says."""
@@ -124,7 +113,6 @@ class MujocoEngine(World):
             data=[gear.offset, gear.multiplier, *[0.0] * 10],
             solref=rigid(self._dt),
         )
-        self._is_changed = True
 
     # --- images ---------------------------------------------------------------------------
 

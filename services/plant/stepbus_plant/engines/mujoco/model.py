@@ -49,8 +49,7 @@ class Body:
 
     rows: (link, joint before it) by MuJoCo's names, the root and "" first; a link with several
     joints has a row for each. solid: names of links with a collision shape. is_fixed: whether the
-    root is fixed. in_degrees: whether the angles of its spec are in degrees. notes: sentences
-    about parts of the model that are not used.
+    root is fixed. notes: sentences about parts of the model that are not used.
     """
 
     number: int
@@ -58,7 +57,6 @@ class Body:
     rows: list[tuple[str, str]]
     solid: set[str]
     is_fixed: bool
-    in_degrees: bool
     notes: list[str]
 
     def body_name(self, index: int) -> str:
@@ -195,7 +193,6 @@ def add(world: Any, robot: RobotDescription, number: int, pose: Pose, options: L
         rows=list(_rows(robot, spec.bodies[0 if in_world else 1 :])),
         solid={body.name for body in spec.bodies if any(map(_is_solid, body.geoms))},
         is_fixed=options.is_fixed,
-        in_degrees=bool(spec.compiler.degree),
         notes=notes,
     )
     if not is_urdf and len(world.bodies) == 1:

@@ -40,10 +40,10 @@ def add_motor(spec: Any, joint: str, dt: float) -> None:
 class Motors:
     """The motors of a model, arrays of shape (n,) by the number of their tendon.
 
-    dt: length of a substep [s]. before: others, of fewer or as many joints, whose state goes on.
+    dt: length of a substep [s].
     """
 
-    def __init__(self, model: Any, dt: float, before: "Motors | None" = None) -> None:
+    def __init__(self, model: Any, dt: float) -> None:
         count = model.ntendon
         self._model, self._dt = model, dt
         self._velocities = np.zeros(count)
@@ -53,8 +53,6 @@ class Motors:
         self._torques = np.zeros(count)
         # Of the friction that joints have themselves, before that of tendons.
         self._joint_rows = int(np.count_nonzero(model.dof_frictionloss))
-        for own, old in zip(self._arrays(), before._arrays() if before else (), strict=False):
-            own[: len(old)] = old
 
     def _arrays(self) -> tuple[Array, ...]:
         return (

@@ -55,14 +55,14 @@ class World(Engine):
     """What an `Engine` does once its bodies are loaded.
 
     spec: of its model. dt: length of a substep [s]. The model is compiled when something first
-    needs it, and again after what changes it.
+    needs it; bodies, exceptions from collisions and gears come before.
     """
 
     def __init__(self, spec: Any, dt: float) -> None:
         self.geometry = Geometry()
         self._spec, self._dt = spec, dt
         self._bodies: list[Body] = []
-        self._is_changed, self._is_seen = True, False
+        self._is_seen = False
         self._compiled: tuple[Any, Any] | None = None
         self._motors: Any = None
         self._space: Any = None
@@ -74,30 +74,24 @@ class World(Engine):
 
     def _now(self) -> tuple[Any, Any]:
         """Return the model and its data."""
-        if self._compiled is None or self._is_changed:
-            self._compiled, self._is_changed = self._compile(), False
-            self._drift_with(self._drift)
+        if self._compiled is None:
+            self._compiled = self._compile()
         return self._compiled
 
     def _compile(self) -> tuple[Any, Any]:
-        """Return a new model and its data, which goes on where the one before was."""
         try:
-            if self._compiled is None:
-                model = self._spec.compile()
-                data = mujoco.MjData(model)
-            else:
-                model, data = self._spec.recompile(*self._compiled)
+            model = self._spec.compile()
         except (ValueError, mujoco.FatalError) as exc:
             raise PhysicsError(f"MuJoCo cannot build the world: {one_line(exc)}") from exc
+        data = mujoco.MjData(model)
         self._id = {
             (body.number, n): model.body(body.body_name(n)).id
             for body in self._bodies
             for n in range(BASE, len(body.rows) - 1)
         }
-        self._numbers, self._contacts, self._is_seen = {}, None, False
         # A link with several joints has more than one number, of which contacts have the last.
         self._space = Space(model, data, {number: link for link, number in self._id.items()})
-        self._motors = Motors(model, self._dt, self._motors)
+        self._motors = Motors(model, self._dt)
         return model, data
 
     def step(self) -> None:
