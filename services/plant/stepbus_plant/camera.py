@@ -16,6 +16,7 @@ from stepbus_plant.engine import Engine, Light, Link
 from stepbus_plant.geometry import Array, rotation
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import CameraErrors
+from stepbus_plant.viewpoint import projection_matrix
 from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Message, PointCloud
 
@@ -126,20 +127,10 @@ class Camera:
         self._is_triggered = self._is_asked = False
         self._link, self._engine, self._lens = link, engine, lens
         self._focal = row.height / 2 / math.tan(row.fov / 2)
-        self._projection = self._project()
+        self._projection = projection_matrix(row.fov, row.width / row.height, row.near, row.far)
         self._asked_ns = -1
         self._under_way: deque[tuple[int, Rendering]] = deque()
         self._shown: Rendering | None = None
-
-    def _project(self) -> Array:
-        """Return OpenGL's projection matrix, shape (4, 4)."""
-        row, matrix = self.row, np.zeros((4, 4))
-        matrix[0, 0] = 2 * self._focal / row.width
-        matrix[1, 1] = 2 * self._focal / row.height
-        matrix[2, 2] = (row.far + row.near) / (row.near - row.far)
-        matrix[2, 3] = 2 * row.far * row.near / (row.near - row.far)
-        matrix[3, 2] = -1.0
-        return matrix
 
     def _view(self) -> Array:
         """Return the transform from the world to OpenGL's camera frame, shape (4, 4)."""

@@ -54,12 +54,6 @@ class Motors:
         # Of the friction that joints have themselves, before that of tendons.
         self._joint_rows = int(np.count_nonzero(model.dof_frictionloss))
 
-    def _arrays(self) -> tuple[Array, ...]:
-        return (
-            *(self._model.tendon_frictionloss, self._velocities, self._goals),
-            *(self._gains, self._fastest, self._torques),
-        )
-
     def turn(
         self, motors: NDArray[np.int64], velocities: Sequence[float], torques: Sequence[float]
     ) -> None:
@@ -102,12 +96,3 @@ class Motors:
         """Return the torques of the latest substep [N·m]."""
         found: list[float] = self._torques[motors].tolist()
         return found
-
-    def save(self) -> list[list[float]]:
-        """Return their state."""
-        return [array.tolist() for array in self._arrays()]
-
-    def restore(self, saved: Sequence[Sequence[float]]) -> None:
-        """Take what `save` returned."""
-        for array, values in zip(self._arrays(), saved, strict=True):
-            array[:] = values

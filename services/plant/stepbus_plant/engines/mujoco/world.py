@@ -37,15 +37,14 @@ _RESTS = np.zeros(3), np.zeros(3)
 _Numbers = NDArray[np.int64]
 
 
-class _State(msgspec.Struct, forbid_unknown_fields=True):
-    """All that the next substep, or a reading before it, depends on.
+class _State(msgspec.Struct):
+    """All that the next substep, or a reading before it, depends on; the plant sets motors anew.
 
-    physics: MuJoCo's own, of mjSTATE_INTEGRATION. motors: rows of `Motors.save`. drift: velocities
-    of standing bodies that are moved [m/s, rad/s]. reactions: force [N] and torque [N·m] of joints.
+    physics: MuJoCo's own, of mjSTATE_INTEGRATION. drift: velocities of standing bodies that are
+    moved [m/s, rad/s]. reactions: force [N] and torque [N·m] of joints.
     """
 
     physics: list[float]
-    motors: list[list[float]]
     drift: dict[int, tuple[list[float], list[float]]]
     reactions: list[tuple[Link, list[float], list[float]]]
     contacts: list[Contact]
@@ -124,7 +123,6 @@ class World(Engine):
         return msgspec.msgpack.encode(
             _State(
                 physics=physics.tolist(),
-                motors=self._motors.save(),
                 drift={n: (v.tolist(), w.tolist()) for n, (v, w) in self._drift.items()},
                 reactions=[(at, f.tolist(), t.tolist()) for at, (f, t) in self._reactions.items()],
                 contacts=self.contacts(),
@@ -135,7 +133,6 @@ class World(Engine):
         """See `Engine`."""
         saved, (model, data) = msgspec.msgpack.decode(state, type=_State), self._now()
         mujoco.mj_setState(model, data, np.array(saved.physics), _INTEGRATION)
-        self._motors.restore(saved.motors)
         self._reactions = {link: (np.array(f), np.array(t)) for link, f, t in saved.reactions}
         self._contacts, self._is_seen = saved.contacts, False
         self._drift_with({n: (np.array(v), np.array(w)) for n, (v, w) in saved.drift.items()})
