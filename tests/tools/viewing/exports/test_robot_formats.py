@@ -268,7 +268,6 @@ def test_half_a_recording_is_exported_and_a_foreign_file_is_one_sentence(
         ["export", "--scene=out.html"],
         ["report"],
         ["view", "--no-open"],
-        ["view", "--foxglove"],
     ],
 )
 def test_a_recording_of_another_system_is_one_sentence(

@@ -116,14 +116,14 @@ class Conversion:
         ]
         self._emit("/tf", types.FrameTransforms(transforms=rows), t_ns)
 
-    def bodies(self, t_ns: int = 0) -> None:
+    def bodies(self) -> None:
         """Convert what the frames look like; they keep their looks and move with their frames."""
-        entities = [self._entity(frame, t_ns) for frame in self._frames if frame.visuals]
-        self._emit("/scene", self._types.SceneUpdate(entities=entities), t_ns)
+        entities = [self._entity(frame) for frame in self._frames if frame.visuals]
+        self._emit("/scene", self._types.SceneUpdate(entities=entities), 0)
 
-    def _entity(self, frame: Frame, t_ns: int) -> Any:
+    def _entity(self, frame: Frame) -> Any:
         return self._types.SceneEntity(
-            timestamp=self._stamp(t_ns),
+            timestamp=self._stamp(0),
             frame_id=frame.name,
             id=frame.name,
             frame_locked=True,

@@ -1,4 +1,4 @@
-"""The server behind a page: on loopback, only for browsers that its door has let in, our look."""
+"""The server behind a page: on loopback, behind a door that asks for a secret, with our look."""
 
 import asyncio
 import contextlib
@@ -7,7 +7,7 @@ import html
 import io
 import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -63,15 +63,10 @@ _starting = threading.Lock()
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """An open page. server: of viser. address: opens it once."""
+    """An open page. server: of viser. address: URL with the secret that opens it."""
 
     server: Any
-    door: Door
     address: str
-
-    def new_address(self) -> str:
-        """Return another address that opens it once."""
-        return self.door.new_address()
 
     def close(self) -> None:
         """Close every connection, and the server."""
@@ -79,19 +74,11 @@ class Page:
             self.server.stop()
 
 
-def open_page(
-    label: str,
-    *,
-    host: str = LOOPBACK,
-    port: int = 0,
-    tell: Callable[[str], None] = lambda _address: None,
-) -> Page:
+def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
     """Open a page; port 0: any that is free.
 
-    Its address has a token that cannot be guessed and that works once, for one browser: any other
-    request is refused. tell: gets another address where one is used again. Raises
-    ExtraMissing without viser, and WiringError for a port that is taken, or a host that is not of
-    this machine.
+    Its address has a secret; any request without it is refused. Raises ExtraMissing without viser,
+    and WiringError for a port that is taken, or a host that is not of this machine.
     """
     (viser,) = need("the view", "viser")
 
@@ -99,7 +86,7 @@ def open_page(
         def request_share_url(self, verbose: bool = True) -> str | None:
             """Refuse the tunnel to the internet that any browser may ask viser for."""
 
-    door = Door(host, tell)
+    door = Door(host)
     # viser takes the next port when one is taken, and does not say what is wrong with a host.
     listening(host, port).close()
     # It waits for ever for a thread of its own that finds no free file descriptor.
@@ -114,7 +101,7 @@ def open_page(
         show_share_button=False,
     )
     server.gui.set_panel_label(label)
-    return Page(server=server, door=door, address=door.new_address())
+    return Page(server=server, address=door.address)
 
 
 @contextlib.contextmanager
