@@ -1,6 +1,5 @@
 """The server behind a page: on loopback, behind a door that asks for a secret, with our look."""
 
-import asyncio
 import contextlib
 import gzip
 import html
@@ -89,8 +88,6 @@ def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
     door = Door(host)
     # viser takes the next port when one is taken, and does not say what is wrong with a host.
     listening(host, port).close()
-    # It waits for ever for a thread of its own that finds no free file descriptor.
-    asyncio.new_event_loop().close()
     # It prints a box.
     with _starting, _guarded(door, label), contextlib.redirect_stdout(io.StringIO()):
         server = Server(host=host, port=port, verbose=False)
