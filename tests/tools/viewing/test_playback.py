@@ -15,8 +15,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import CallRecord
 from stepbus_tools.viewing.history import History, stop_of
-from stepbus_tools.viewing.playback import Findings, Playback, Player, open_recording, run_names
-from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.playback import Playback, open_recording, run_names
 from stepbus_tools.viewing.stage.view import stop_banner
 
 
@@ -43,12 +42,7 @@ def test_a_history_has_the_newest_message_of_a_time(recording):
 
 
 def player(page, *paths):
-    """Return a player for all visitors of a page."""
-    recordings = [open_recording(path) for path in paths]
-    scenes = [build_scene(one) for one in recordings]
-    runs = run_names(paths)
-    findings = Findings(*recordings, *[None][: 2 - len(recordings)], runs)
-    return Player(page.server, [History(one) for one in recordings], scenes, findings, runs)
+    return Playback(page.server, *map(open_recording, paths))
 
 
 def test_a_page_plays_to_its_end_and_stays_there(recording, page):
