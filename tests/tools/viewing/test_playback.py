@@ -50,16 +50,16 @@ def test_a_page_plays_to_its_end_and_stays_there(recording, page):
     playback.play(playing=True)
     for _ in range(5):
         playback.turn(0.1)
-    assert "step 60 of 60" in playback.status
+    assert "step 60 of 60" in playback.view.status.content
     assert not playback.is_playing
 
 
 def test_the_divergence_from_a_second_recording_is_marked(recording, other, page):
     playback = player(page, recording, other)
-    while not any("divergence" in event for event in playback.events):
+    while not any("divergence" in event for event in playback.jumps):
         playback.turn(0.01)
     text = r"0\.005 s divergence: step 1: controller/command"
-    assert re.match(text, playback.events[0])
+    assert re.match(text, next(iter(playback.jumps)))
 
 
 def test_runs_are_named_by_as_much_of_their_folders_as_tells_them_apart(tmp_path):
@@ -112,7 +112,7 @@ def test_half_a_recording_is_shown_up_to_its_damage(recording, tmp_path, page):
     half, data = tmp_path / "half.mcap", recording.read_bytes()
     half.write_bytes(data[: len(data) * 3 // 4])
     playback = player(page, half)
-    assert "the recording **is damaged: " in playback.status
+    assert "the recording **is damaged: " in playback.view.status.content
 
 
 @pytest.mark.slow

@@ -109,7 +109,7 @@ class Playback:
     """A recording on a page, with a time that all of its visitors share.
 
     server: of viser. other: a second recording, drawn as a ghost at the same time. is_playing:
-    whether time goes on by itself.
+    whether time goes on by itself. jumps: text of an event → its time [ns].
     """
 
     def __init__(self, server: Any, recording: Recording, other: Recording | None = None) -> None:
@@ -123,7 +123,7 @@ class Playback:
         self._framing, self._swept = Framing(server), swept(scenes[0], self._history)
         self._gui = server.gui
         self._marks: tuple[Mark, ...] = ()
-        self._jumps: dict[str, int] = {}
+        self.jumps: dict[str, int] = {}
         self._t_ns = 0
         self._shown_ns = -1
         self._charted_s = 0.0
@@ -140,14 +140,14 @@ class Playback:
         self._slider = self._add_slider(())
         self._add_controls(self._gui)
         compared = runs if histories[1:] else ()
-        self._view = View(server, scenes[0], recording.ports, self._sample, compared)
+        self.view = View(server, scenes[0], recording.ports, self._sample, compared)
         self._others = [
             (history, Stage(server, scene, "/other", OTHER_COLOR))
             for history, scene in zip(histories[1:], scenes[1:], strict=True)
         ]
         self._show()
         topics = plain_topics(recording.ports)
-        self._view.offer_signals(self._history.at(topics, self._history.end_ns))
+        self.view.offer_signals(self._history.at(topics, self._history.end_ns))
 
     def _sample(self, signal: Signal) -> Data:
         """Return a signal over the whole recording, at evenly spaced times."""
@@ -157,7 +157,7 @@ class Playback:
 
     def _past(self, step: int) -> Messages:
         """Return what placed the scene at a step."""
-        return self._history.at(self._view.stage.scene.topics, step * self._history.step_ns)
+        return self._history.at(self.view.stage.scene.topics, step * self._history.step_ns)
 
     def _read(self, signal: Signal) -> Data:
         times = self._history.times(max(1, min(_SAMPLES, self._history.last_step)))
@@ -192,7 +192,7 @@ class Playback:
         self._step.on_click(lambda _: self._stepped(_STEPS.index(self._step.value)))
         self._speed = gui.add_dropdown("speed", tuple(_SPEEDS), initial_value="1 ×")
         self._jump = gui.add_dropdown("event", (_JUMP,), initial_value=_JUMP, visible=False)
-        self._jump.on_update(lambda _: self._seek(self._jumps.get(self._jump.value, self._t_ns)))
+        self._jump.on_update(lambda _: self._seek(self.jumps.get(self._jump.value, self._t_ns)))
         play = gui.add_command("play or pause", hotkey="space")
         play.on_trigger(lambda _: self.play(playing=not self.is_playing))
         for which, (key, label) in zip((1, 2, 0, 3), _KEYS, strict=True):
@@ -229,22 +229,12 @@ class Playback:
     def _mark(self) -> None:
         """Show what has been found since."""
         self._marks = self._findings.marks
-        self._jumps = {mark.label: self._step_at(mark.t) for mark in self._marks}
-        self._jump.options = (_JUMP, *self._jumps)
-        self._jump.visible = bool(self._jumps)
+        self.jumps = {mark.label: self._step_at(mark.t) for mark in self._marks}
+        self._jump.options = (_JUMP, *self.jumps)
+        self._jump.visible = bool(self.jumps)
         self._slider.remove()
         self._slider = self._add_slider(self._marks)
-        self._view.tell(self._marks)
-
-    @property
-    def status(self) -> str:
-        """Return how far it is, as Markdown."""
-        return str(self._view.status.content)
-
-    @property
-    def events(self) -> Sequence[str]:
-        """Return what the viewer can jump to."""
-        return list(self._jumps)
+        self.view.tell(self._marks)
 
     # --- time -----------------------------------------------------------------------------
 
@@ -263,17 +253,17 @@ class Playback:
         self._charted_s += elapsed_s
         if self._charted_s >= _CHART_S:
             self._charted_s = 0.0
-            self._view.curves.update(self._marks, self._t_ns * 1e-9)
+            self.view.curves.update(self._marks, self._t_ns * 1e-9)
         self._framing.turn(self._swept.box, self._swept.fixed)
 
     def _show(self) -> None:
         t_ns, history = self._t_ns, self._history
         self._shown_ns = t_ns
-        self._view.show(history.at(self._view.topics, t_ns), self._past)
+        self.view.show(history.at(self.view.topics, t_ns), self._past)
         for other, stage in self._others:
             stage.move(stage.scene.poses(other.at(stage.scene.topics, t_ns)))
         called = [who for since_ns, who in self._findings.stops if since_ns <= t_ns]
-        banner = stop_banner(self._view.stopped or next(reversed(called), ""))
+        banner = stop_banner(self.view.stopped or next(reversed(called), ""))
         if banner != self._stop.content:
             self._stop.content = banner
         step = round(t_ns / history.step_ns)
@@ -282,7 +272,7 @@ class Playback:
         for run, (other, _) in zip(self._runs[1:], self._others, strict=True):
             if t_ns > other.end_ns:
                 note += f"  \n{run} has ended at {other.end_ns * 1e-9:.3f} s"
-        self._view.status.content = (
+        self.view.status.content = (
             f"**t = {t_ns * 1e-9:.3f} s**, step {step} of {history.last_step}{note}"
         )
 
