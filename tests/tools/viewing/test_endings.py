@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import resource
 import signal
 import subprocess
 import sys
@@ -177,6 +178,25 @@ def test_a_view_that_is_stopped_at_its_start_delays_no_run_for_good(tmp_path):
     assert "not started after 30 s" in errors
     assert json.loads((tmp_path / "run" / "result.json").read_text())["exit_code"] == 0
     assert started.returncode == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("files", [8, 10])
+def test_a_view_that_may_open_few_files_ends_with_a_sentence(recording, files):
+    def limit():
+        resource.setrlimit(resource.RLIMIT_NOFILE, (files, files))
+
+    words = [sys.executable, "-m", "stepbus_orchestrator.cli", "view", recording, "--no-open"]
+    done = subprocess.run(
+        words,
+        preexec_fn=limit,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
+    )
+    assert done.returncode in {1, 2}
+    assert "Too many open files" in done.stderr
 
 
 def stopped_views(run):

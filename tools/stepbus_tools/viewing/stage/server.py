@@ -1,11 +1,10 @@
 """The server behind a page: on loopback, behind a door that asks for a secret, with our look."""
 
+import asyncio
 import contextlib
-import gzip
 import html
 import io
 import re
-import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -33,19 +32,18 @@ def with_front(process: Process, title: str) -> Process:
     """Return what answers as viser's server does, but with our title, style and script."""
 
     @cache
-    def front(body: bytes, is_packed: bool) -> bytes:
-        page = branded((gzip.decompress(body) if is_packed else body).decode(), title)
+    def front(body: bytes) -> bytes:
         ours = f"<style>{style_sheet()}{_asset('front.css')}</style>"
         ours += f"<script>{_asset('front.js')}</script>"
         # Ahead of viser's own script, which reads what ours has set.
-        data = page.replace("</title>", f"</title>{ours}", 1).encode()
-        return gzip.compress(data) if is_packed else data
+        return branded(body.decode(), title).replace("</title>", f"</title>{ours}", 1).encode()
 
     def process_request(connection: Any, request: Any) -> Any:
+        # Else viser would compress the page.
+        request.headers.pop("Accept-Encoding", None)
         response = process(connection, request)
         if response is not None and request.path.partition("?")[0] in _PAGES:
-            is_packed = response.headers.get("Content-Encoding") == "gzip"
-            response.body = front(response.body, is_packed)
+            response.body = front(response.body)
             del response.headers["Content-Length"]
             response.headers["Content-Length"] = str(len(response.body))
         return response
@@ -55,9 +53,6 @@ def with_front(process: Process, title: str) -> Process:
 
 def _asset(name: str) -> str:
     return (files(__package__ or "") / "assets" / name).read_text("utf-8")
-
-
-_starting = threading.Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,8 +83,10 @@ def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
     door = Door(host)
     # viser takes the next port when one is taken, and does not say what is wrong with a host.
     listening(host, port).close()
+    # It waits for ever for a thread of its own that finds no free file descriptor.
+    asyncio.new_event_loop().close()
     # It prints a box.
-    with _starting, _guarded(door, label), contextlib.redirect_stdout(io.StringIO()):
+    with _guarded(door, label), contextlib.redirect_stdout(io.StringIO()):
         server = Server(host=host, port=port, verbose=False)
     door.port = server.get_port()
     server.gui.configure_theme(
