@@ -59,7 +59,7 @@ EXTRAS: Mapping[str, Use] = {
             "stepbus export run.mcap --foxglove f.mcap",
             "stepbus export run.mcap --ros2 r.mcap",
             "python frame.py",
-            "python -c 'import av, websockets'",
+            "python -c 'import av'",
         ),
         writes=("all.csv", "tables", "f.mcap", "r.mcap"),
     ),

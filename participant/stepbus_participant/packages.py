@@ -28,7 +28,7 @@ EXTRAS = {
     "sim": ("coal", "pinocchio", "pybullet", "ruckig"),
     "mujoco": ("mujoco",),
     "report": ("matplotlib", "uplot"),
-    "export": ("PIL", "av", "foxglove", "pandas", "pyarrow", "rosbags", "websockets"),
+    "export": ("PIL", "av", "foxglove", "pandas", "pyarrow", "rosbags"),
     "sweep": ("optuna", "plotly", "ray", "scipy"),
     "rerun": ("rerun",),
     "view": ("collada", "trimesh", "viser"),

@@ -13,7 +13,7 @@ from stepbus_orchestrator.run.run_scenario import Options
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
 from stepbus_orchestrator.scenario.load import load
 from stepbus_participant.session import profile
-from stepbus_tools.report import write_report
+from stepbus_tools.run_lines import after_run
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 STEPS = 40
@@ -50,7 +50,7 @@ def test_each_step_of_each_participant_has_a_row(runs, name):
 
 
 def test_the_summary_has_each_participant_and_who_limits_the_run(runs):
-    lines = write_report(runs[1].recording, has_plots=False)
+    lines = after_run(runs[1].recording, has_plots=False)
     profiles = [line for line in lines if line.startswith("profile ")]
     assert sorted(line.split()[1].rstrip(":") for line in profiles) == list(PARTICIPANTS)
     assert any(line.startswith("limit ") for line in lines)
@@ -75,7 +75,7 @@ def test_a_run_does_not_fail_from_a_profile_without_room(tmp_path, monkeypatch):
 
 def test_the_summary_leaves_out_a_row_that_was_cut_off(runs):
     path = runs[1].recording.parent / "profile" / "plant.csv"
-    whole, before = path.read_text(), write_report(runs[1].recording, has_plots=False)
+    whole, before = path.read_text(), after_run(runs[1].recording, has_plots=False)
     path.write_text(f"{whole}40,12")
-    assert write_report(runs[1].recording, has_plots=False) == before
+    assert after_run(runs[1].recording, has_plots=False) == before
     path.write_text(whole)

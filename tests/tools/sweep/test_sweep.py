@@ -158,10 +158,7 @@ def test_all_mistakes_of_a_sweep_file_are_listed_with_their_lines(
         "sweep.yaml:2: vary[0]: controller.params.kp=50:200: a range needs a count",
         "sweep.yaml:3: sampels: unknown key 'sampels'; did you mean 'samples'?",
         "sweep.yaml:4: repeats: must be an integer of at least 1, not 'x'",
-        (
-            "sweep.yaml:5: metrics[0]: mine.py:mesure: mine.py has no function 'mesure'; "
-            "did you mean 'measure'?"
-        ),
+        "sweep.yaml:5: metrics[0]: mine.py:mesure: mine.py has no function 'mesure'",
         "two_lnk: no such file, folder or built-in scenario",
     ):
         assert sentence in errors
@@ -197,10 +194,10 @@ def measure(recording):
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("tip_eror", "it is not a metric of these runs; did you mean 'tip_error'?"),
-        ("settling", "it is None in run 0, which is not a number"),
-        ("verdict", "it is 'fine' in run 0, which is not a number"),
-        ("rmse.joint3", "it is not a metric of these runs"),
+        ("tip_eror", "it is a number in no run; did you mean 'tip_error'?"),
+        ("settling", "it is a number in no run; they have"),
+        ("verdict", "it is a number in no run; they have"),
+        ("rmse.joint3", "it is a number in no run"),
     ],
 )
 def test_an_optimizer_ends_where_there_is_nothing_to_optimise(

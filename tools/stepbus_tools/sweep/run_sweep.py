@@ -23,7 +23,7 @@ from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import StepbusError, WiringError
-from stepbus_tools.report import REPORT_FILE, write_report
+from stepbus_tools.report.picture import REPORT_FILE
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle, collect
 from stepbus_tools.sweep.optimize import Optimizer
@@ -39,6 +39,7 @@ from stepbus_tools.sweep.spec import (
 )
 from stepbus_tools.sweep.sweep_page import PAGE_FILE, extremes, write_page
 from stepbus_tools.sweep.trial import write_run
+from stepbus_tools.viewing.page import RunPage
 from stepbus_tools.whole_file import replaced
 
 _TABLE_EVERY_S = 30.0
@@ -228,7 +229,7 @@ class _Sweep:
                 self._report(f"plotting the {name} run")
                 with contextlib.suppress(StepbusError), scratch_folder("sweep") as out:
                     made = RowRun(self._home, row.run).run(out / "run", interrupt=interrupt)
-                    write_report(made.result.recording)
+                    list(RunPage(made.result.recording).draw())
                     with replaced(picture) as part:
                         shutil.copyfile(out / "run" / REPORT_FILE, part)
             if picture.exists():
