@@ -115,7 +115,7 @@ def test_the_tip_stays_on_a_straight_line_and_turns_evenly(robot):
         start.translation + np.array([-0.1, 0.3, 0.1]),
     )
     way = line(start, end, 0.25)
-    path = follow(robot, TIP, way, HOME, 0.01)
+    path = follow(robot, TIP, way, HOME)
     whole = pin.log3(start.rotation.T @ end.rotation)
     for share in np.linspace(0, 1, 101):
         pose = robot.frame_pose(path.at(share * way[-1].u)[0], TIP)
@@ -136,7 +136,7 @@ def test_a_line_that_winds_a_joint_up_to_its_limit_is_lost_there(robot):
     start = robot.frame_pose(HOME, TIP)
     way = line(start, pin.SE3(start.rotation, start.translation + np.array([0, 0.4, 0])), 0.25)
     with pytest.raises(Lost, match=r"would have to go to 0\.4") as lost:
-        follow(narrow, TIP, way, HOME, 0.01)
+        follow(narrow, TIP, way, HOME)
     assert lost.value.cause == "limits"
 
 

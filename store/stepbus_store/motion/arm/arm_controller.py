@@ -13,11 +13,8 @@ from stepbus_schemas import (
 )
 from stepbus_store.motion.arm.params import Params
 from stepbus_store.motion.executor import GoalExecutor
-from stepbus_store.motion.manipulator.settings import (
-    make_limits,
-    make_robot,
-    searching_manipulator,
-)
+from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.manipulator.settings import make_limits, make_manipulator, make_robot
 from stepbus_store.motion.outcome import JointSensor, Measured
 from stepbus_store.motion.parts import Parts
 
@@ -69,11 +66,14 @@ class ArmController(Participant):
         self._sensor = JointSensor(
             port, inputs[port], robot, period=self._period, prefix=params.prefix
         )
-        self._manipulator = searching_manipulator(
+        self._manipulator = make_manipulator(
             robot,
             make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
             params,
-            period=self._period,
+            # It stops within the limits of its motions.
+            ManipulatorOptions(
+                period=self._period, tip="", effort_share=1.0, brake_acceleration=0, brake_jerk=0
+            ),
             seed=self.config.seed,
             collisions=self._collisions,
             tries_unholdable=params.not_holdable == "try",

@@ -22,7 +22,7 @@ from stepbus_store.motion.manipulator.planner_search import (
     PlannerSearch,
     refusal_of,
 )
-from stepbus_store.motion.manipulator.routes import DetourRouter, DirectRouter
+from stepbus_store.motion.manipulator.routes import DetourRouter
 from stepbus_store.motion.manipulator.segments import (
     BackOffPath,
     Beside,
@@ -35,6 +35,12 @@ from stepbus_store.motion.trajectory import AlongPath, Rest, Trajectory
 
 from .links import Links
 from .settling import JamWatch, SettleWatch
+
+_MOST_CANDIDATES = 4
+"""Solutions that are tried."""
+
+_BACK_OFF_SHARE = 0.3
+"""Share of the largest velocity at which the arm backs off."""
 
 
 class Manipulator:
@@ -55,7 +61,7 @@ class Manipulator:
         settling: JointParams,
         options: ManipulatorOptions,
         *,
-        router: DirectRouter | DetourRouter | None = None,
+        router: DetourRouter | None = None,
         collisions: SelfCollisions | None = None,
     ) -> None:
         robot = finder.robot
@@ -67,16 +73,7 @@ class Manipulator:
         self._options = options
         self._router = router
         self._segments = SegmentFitter(robot, limits, options.tip_limits, options.effort_share)
-        self._player = MotionPlayer(
-            robot,
-            limits,
-            period=options.period,
-            brake_acceleration=options.brake_acceleration,
-            brake_jerk=options.brake_jerk,
-            tip=options.tip,
-            grip_acceleration=options.grip_acceleration,
-            collisions=collisions,
-        )
+        self._player = MotionPlayer(robot, limits, options, collisions)
         self._queries = PlannerQueries(options.plan_timeout)
         self._jam = JamWatch(robot, options.jam_lag, options.period)
         self._settle: SettleWatch | None = None
@@ -298,7 +295,7 @@ class Manipulator:
         rest = self._brake(now, hard=True, touches=True)
         points, length = self._behind.take(rest, distance)
         slow = MotionLimits.of_one(
-            self._options.back_off_share * float(self._limits.velocity.min()),
+            _BACK_OFF_SHARE * float(self._limits.velocity.min()),
             float(self._limits.acceleration.min()),
             float(self._limits.jerk.min()),
         )
@@ -344,20 +341,23 @@ class Manipulator:
     # From a goal to a motion
 
     def _begin(self, goal: Goal, now: JointMotion, q: Vector, base: BaseState, held: str) -> str:
+        rest = self._brake(now)
         if goal.type == "move_linear":
-            return self._line(goal, self._brake(now), q, base, held)
-        rest = now.position if self._router is not None else self._brake(now)
+            return self._line(goal, rest, q, base, held)
         solutions = self._finder.candidates(goal, rest, q, base)
         if self._beside.bases:
             # Later, while the base stands, the arm may go the short way.
             solutions = about_as_near(solutions, rest)
-        candidates = itertools.islice(solutions, self._options.most_candidates)
+        candidates = itertools.islice(solutions, _MOST_CANDIDATES)
         if self._router is None:
             return self._search(goal, held, rest, candidates)
-        route = self._router.route(now, candidates, goal.duration)
-        self._start(route.trajectory)
-        self.caution = "" if route.candidate.holds else Cause.NOT_HOLDABLE
-        return route.text
+        candidate, motions = self._router.route(rest, candidates, goal.duration)
+        parts = [*motions, *self._segments.fitted(self._segments.along(candidate), 0.0)]
+        self._then(parts)
+        self.caution = "" if candidate.holds else Cause.NOT_HOLDABLE
+        seconds = sum(part.duration for part in parts)
+        text = f"{seconds:.2f} s of motion in {len(parts)} parts"
+        return f"{candidate.text or 'reached'}; {text}"
 
     def _line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:
         path = self._finder.line(goal, rest, q, base)
@@ -403,11 +403,6 @@ class Manipulator:
         holds = self._queries.load > 0.0 and not touches
         self._keeps_held = hard and holds
         return self._player.brake(now, hard=hard, holds=holds)
-
-    def _start(self, trajectory: Trajectory) -> None:
-        self._keeps_held = False
-        self._player.start(trajectory)
-        self._watch()
 
     def _then(self, parts: list[Trajectory]) -> None:
         self._keeps_held = False

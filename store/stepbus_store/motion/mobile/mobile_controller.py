@@ -27,7 +27,7 @@ from stepbus_store.cause import Cause
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
-from stepbus_store.motion.manipulator.settings import branching_manipulator
+from stepbus_store.motion.manipulator.settings import make_manipulator
 from stepbus_store.motion.mobile.mobile_settings import MobileSettings
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.navigator import Navigator
@@ -72,7 +72,7 @@ class MobileController(Participant):
         self._sensor = JointSensor(
             port, inputs[port], settings.robot, period=self._period, prefix=settings.params.prefix
         )
-        self._arm = branching_manipulator(
+        self._arm = make_manipulator(
             settings.robot,
             settings.limits,
             settings.params,
