@@ -201,11 +201,7 @@ class _Planning:
 
     def answer(self) -> Plan:
         """Return the plan; raises NoPlan if there is none."""
-        load = self._request.load
-        if not (math.isfinite(load) and load >= 0.0):
-            text = f"load is {load:g} kg; it must be finite and not negative"
-            raise NoPlan(Cause.BAD_REQUEST, text)
-        self._robot.carry(load, self._settings.tip)
+        self._robot.carry(self._request.load, self._settings.tip)
         checked = self._check_path() if self._path else ""
         if is_check(self._request):
             return self._standing(checked)

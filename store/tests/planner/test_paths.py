@@ -166,12 +166,6 @@ def test_what_is_carried_makes_it_slower_and_too_much_is_refused(tmp_path):
     assert plan.cause == "not_holdable"
 
 
-@pytest.mark.parametrize("load", [-0.1, float("nan"), float("inf")])
-def test_a_load_that_is_no_mass_is_refused(tmp_path, load):
-    plan, _ = answer(tmp_path, request={"load": load})
-    assert (plan.cause, plan.text[:7]) == ("bad_request", "load is")
-
-
 def test_a_check_outlives_the_scene_it_was_made_of(tmp_path):
     _, planner = answer(tmp_path, PILLAR)
     checker = scene_of(planner, START, PILLAR).checker([])

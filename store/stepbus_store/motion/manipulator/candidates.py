@@ -107,6 +107,21 @@ class Candidate:
         return float(np.abs(self.target - q).max()) < _AT_ONCE
 
 
+_FARTHER = 1.5
+"""By how much farther than the nearest solution the arm goes beside a base that drives [rad]."""
+
+
+def about_as_near(candidates: Iterator[Candidate], rest: Vector) -> Iterator[Candidate]:
+    """Yield candidates that are little farther from rest than the first one, shape (n,) [rad]."""
+    nearest: float | None = None
+    for candidate in candidates:
+        away = float(np.linalg.norm(candidate.target - rest))
+        nearest = away if nearest is None else nearest
+        if away > nearest + _FARTHER:
+            return
+        yield candidate
+
+
 class CandidateFinder:
     """Turns goals of an arm into candidates, the nearest first; a planner or router checks them.
 
