@@ -106,13 +106,10 @@ def _route_to(target: tuple[float, float, float], state: BaseState, position: fl
     x, y, yaw = target
     length = math.hypot(x - state.x, y - state.y)
     text = f"go {length:.3f} m to x {x:.3f} m, y {y:.3f} m, yaw {math.degrees(yaw):.1f}°"
-    last = turn_to(yaw)
-    if length <= 2 * position:
-        return BaseRoute(segments=deque([last]), text=text, target=target)
-    ahead = math.atan2(y - state.y, x - state.x)
-    back = _turning(state.yaw, yaw, ahead + math.pi) < _turning(state.yaw, yaw, ahead) - 1e-9
-    first = turn_to(ahead + math.pi if back else ahead)
-    segments = deque([first, straight_to(x, y, back=back), last])
+    segments: deque[PlannedSegment] = deque()
+    if length > 2 * position:
+        _line(segments, (state.x, state.y, state.yaw), target, None)
+    segments.append(turn_to(yaw))
     return BaseRoute(segments=segments, text=text, target=target)
 
 
