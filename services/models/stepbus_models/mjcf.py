@@ -1,7 +1,7 @@
 """MJCF, MuJoCo's XML, as MuJoCo compiles it.
 
 MuJoCo resolves defaults, includes and orientations. A link has the frame of its body, and positions
-of joints are MuJoCo's. A description has no words for tendons, springs and others: a warning names
+of joints are MuJoCo's. A description has no words for tendons, flexes and others: a warning names
 what it leaves out. Engine mujoco does not read the description, and simulates all of it.
 """
 
@@ -154,20 +154,14 @@ class _Reader:
         root: number of the root body; where it is not the world, geoms of the world are left out.
         """
         model, joints = self._model, self._joint_names
-        stiff = model.jnt_stiffness.astype(bool) | model.jnt_stiffnesspoly.any(axis=1)
+        nonlinear = np.flatnonzero(model.jnt_stiffnesspoly.any(axis=1))
         active = set(np.flatnonzero(model.eq_active0)) - {row for row, *_ in self._couplings()}
         equalities = self._names("equality", model.neq)
         return {
             "ball joints": [joints[n] for n in range(model.njnt) if self._type(n) == "ball"],
-            "springs of joints": [joints[n] for n in np.flatnonzero(stiff)],
-            "armature of joints": [
-                joints[n] for n in np.unique(model.dof_jntid[model.dof_armature > 0])
-            ],
+            "nonlinear springs of joints": [joints[n] for n in nonlinear],
             "tendons": self._names("tendon", model.ntendon),
             "constraints": [equalities[n] for n in sorted(active)],
-            "gravity compensation of bodies": [
-                self._bodies[n] for n in np.flatnonzero(model.body_gravcomp)
-            ],
             "shapes": self._odd_shapes,
             "geoms of the world": self._names("geom", model.body_geomnum[0]) if root else [],
             "flexes": self._names("flex", model.nflex),
@@ -233,6 +227,9 @@ class _Reader:
             effort=self._effort(joint),
             damping=float(model.dof_damping[freedom]),
             friction=float(model.dof_frictionloss[freedom]),
+            armature=float(model.dof_armature[freedom]),
+            stiffness=float(model.jnt_stiffness[joint]),
+            spring_rest=float(model.qpos_spring[model.jnt_qposadr[joint]]),
             mimic=self._mimic(joint),
         )
 
@@ -305,6 +302,7 @@ class _Reader:
         return Link(
             name=self._bodies[body],
             inertial=inertial if mass else None,
+            gravity_compensation=float(model.body_gravcomp[body]),
             visuals=tuple(shape for geom, shape in shapes.items() if self._is_seen(geom)),
             collisions=tuple(shape for geom, shape in shapes.items() if self._is_solid(geom)),
         )

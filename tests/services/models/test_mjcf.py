@@ -236,11 +236,9 @@ BALL = '<body><joint name="b" type="ball"/><geom size=".1"/></body>'
     ("text", "left_out"),
     [
         (part(body=BALL), "ball joints (b)"),
-        (part(joint='stiffness="5"'), "springs of joints (hinge)"),
-        (part(joint='armature=".1"'), "armature of joints (hinge)"),
+        (part(joint='stiffness="5 1"'), "nonlinear springs of joints (hinge)"),
         (part(SPRING), "tendons (t)"),
         (part('<equality><weld name="w" body1="arm"/></equality>'), "constraints (w)"),
-        (part().replace('name="arm"', 'name="arm" gravcomp="1"', 1), "gravity compensation of bodies (arm)"),
         (part(body='<geom type="ellipsoid" size=".1 .2 .3"/>'), "shapes (ellipsoid of arm)"),
         (part().replace("<worldbody>", '<worldbody><geom name="g" size="1"/>'), "geoms of the world (g)"),
     ],
