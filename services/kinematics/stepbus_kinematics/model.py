@@ -201,9 +201,9 @@ class RobotModel:
 
     def _passive(self, q: Vector) -> Vector:
         """Return what springs and gravity compensation ask of the motors, shape (nv,) [N·m]."""
-        carried = pin.computeGeneralizedGravity(self._carried, self._carried_data, q)
-        spring: Vector = self._stiffness * (q - self._spring_rest)
-        return spring - carried
+        torque: Vector = self._stiffness * (q - self._spring_rest)
+        torque -= pin.computeGeneralizedGravity(self._carried, self._carried_data, q)
+        return torque
 
     def unit(self, joint: str) -> str:
         """Return the unit of a joint's position: m of a prismatic one, else rad."""
@@ -323,8 +323,8 @@ class RobotModel:
         """Return the torques M(q) a + C(q, v) v + g(q), shape (n,) [N·m].
 
         q, v, a: shape (n,) [rad, rad/s, rad/s²]. Armatures and dampers of an MJCF count, damping
-        of a URDF and friction do not; g: as of `gravity_torque`. By the recursive Newton-Euler algorithm
-        (Featherstone, Rigid Body Dynamics Algorithms, 2008, table 5.1).
+        of a URDF and friction do not; g: as of `gravity_torque`. By the recursive Newton-Euler
+        algorithm (Featherstone, Rigid Body Dynamics Algorithms, 2008, table 5.1).
         """
         there, rate = self.in_model(q), self._spread(v)
         torque = pin.rnea(self.model, self.data, there, rate, self._spread(a))
