@@ -1,7 +1,7 @@
 """MJCF, MuJoCo's XML, as MuJoCo compiles it.
 
 MuJoCo resolves defaults, includes and orientations. A link has the frame of its body, and positions
-of joints are MuJoCo's. A description has no words for tendons, springs and others: a warning names
+of joints are MuJoCo's. A description has no words for tendons, flexes and others: a warning names
 what it leaves out. Engine mujoco does not read the description, and simulates all of it.
 """
 
@@ -144,14 +144,11 @@ class _Reader:
         root: number of the root body; where it is not the world, geoms of the world are left out.
         """
         model = self._model
-        stiff = model.jnt_stiffness.astype(bool) | model.jnt_stiffnesspoly.any(axis=1)
         counts = {
             "ball joints": [self._type(n) for n in range(model.njnt)].count("ball"),
-            "springs of joints": stiff.sum(),
-            "armature of joints": len(set(model.dof_jntid[model.dof_armature > 0])),
+            "nonlinear springs of joints": model.jnt_stiffnesspoly.any(axis=1).sum(),
             "tendons": model.ntendon,
             "constraints": model.eq_active0.sum() - len(list(self._couplings())),
-            "gravity compensation of bodies": np.count_nonzero(model.body_gravcomp),
             "shapes": self._odd_shapes,
             "geoms of the world": model.body_geomnum[0] if root else 0,
             "flexes": model.nflex,
@@ -218,6 +215,9 @@ class _Reader:
             effort=self._effort(joint),
             damping=float(model.dof_damping[freedom]),
             friction=float(model.dof_frictionloss[freedom]),
+            armature=float(model.dof_armature[freedom]),
+            stiffness=float(model.jnt_stiffness[joint]),
+            spring_rest=float(model.qpos_spring[model.jnt_qposadr[joint]]),
             mimic=self._mimic(joint),
         )
 
@@ -290,6 +290,7 @@ class _Reader:
         return Link(
             name=self._bodies[body],
             inertial=inertial if mass else None,
+            gravity_compensation=float(model.body_gravcomp[body]),
             visuals=tuple(shape for geom, shape in shapes.items() if self._is_seen(geom)),
             collisions=tuple(shape for geom, shape in shapes.items() if self._is_solid(geom)),
         )
