@@ -24,6 +24,8 @@ from stepbus_tools.sweep.rows import ResultRow
 _COMMAND = (*INTERPRETER, "-m", "stepbus_tools.sweep.fork_server")
 _LOAD_S = 120.0
 """How long the fork server may take to load what runs need [s]."""
+_END_S = 10.0
+"""How long it may take to end its runs and to remove its folder [s]."""
 _SILENT_S, _LOST_S = 5.0, 30.0
 """After how long a silent fork server is asked for an answer, and is given up [s]."""
 
@@ -76,7 +78,7 @@ class LocalWorkers:
         """Close the channel: the fork server ends its runs then, removes its folder, and ends."""
         self._channel.close()
         try:
-            self._server.wait(_LOST_S)
+            self._server.wait(_END_S)
         except subprocess.TimeoutExpired:
             # Its runs end with it.
             self._server.kill()
