@@ -76,6 +76,9 @@ EXTRAS: Mapping[str, Use] = {
         commands=(f"stepbus sweep scenario.yaml {GAINS} --metric final.py:final --out swept",),
         writes=("swept/results.parquet", "swept/report.html"),
     ),
+    "cluster": Use(
+        extras="cluster", commands=("python -c 'import stepbus_tools.sweep.ray_workers, ray'",)
+    ),
     "gym": Use(extras="gym", commands=("python episode.py",)),
 }
 

@@ -1,4 +1,4 @@
-"""Sweeps as a user makes them: by the command line, with Ray."""
+"""Sweeps as a user makes them: by the command line."""
 
 import json
 import os
@@ -14,7 +14,6 @@ from support.runs.sweeps import AXES, SHORT, STEPBUS, rows, run_in, sweep
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 
-pytest.importorskip("ray")
 pytestmark = pytest.mark.timeout(600)
 
 METRIC = """
@@ -269,3 +268,20 @@ def test_what_a_machine_may_have_failed_is_repeated_and_values_vary_together(
     assert found.returncode == 0, found.stderr
     cause = {"failed (flaky), exit code 5": 2}
     assert found.stdout.strip() == f"2 {cause} [0, 5, 5]", found.stdout
+
+
+THREADED = """
+import threading
+
+threading.Thread(target=threading.Event().wait, daemon=True).start()
+
+def threads(recording):
+    return {"threads": threading.active_count()}
+"""
+
+
+def test_a_metric_that_starts_a_thread_is_loaded_by_each_run(tmp_path: Path) -> None:
+    (tmp_path / "my.py").write_text(THREADED)
+    words = ["two_link", *SHORT, "--vary", "controller.params.kp=50,100"]
+    sweep(tmp_path, *words, "--metric", "my.py:threads")
+    assert rows(tmp_path)["threads"] == [2, 2]
