@@ -117,24 +117,24 @@ class Replayed(Repetition):
         except MessageError:
             return -1
 
-    def describes_otherwise(self, name: str, port: str) -> None:
-        """Note it."""
-        self.notes.append(f"{name}/{port}: its description (names, units, limits) has changed")
+    def differs(self, name: str, step: int, what: str) -> None:
+        """Note a description that has changed; messages are counted."""
+        if step < 0:
+            self.notes.append(f"{name} {what}")
 
     def compare_step(self, name: str, step: int, recorded: Ports, own: Ports) -> None:
         """Compare what the participant has published at a step."""
+        for port, data in own.items():
+            try:
+                if data != recorded.get(port):
+                    self.comparisons[name][port].decode(data)
+            except MessageError as exc:
+                when = at(step, self._step_ns)
+                raise ParticipantFault(
+                    f"{when}: {name}.{port} is {exc}", participant=name, step=step
+                ) from exc
         super().compare_step(name, step, recorded, own)
         self._next = step + self.spec.every
-
-    def differs(self, name: str, port: str, step: int, own: bytes | None) -> None:
-        """Raise ParticipantFault where the message is not of its port's type."""
-        try:
-            if own is not None:
-                self.comparisons[name][port].decode(own)
-        except MessageError as exc:
-            raise ParticipantFault(
-                f"{at(step, self._step_ns)}: {name}.{port} is {exc}", participant=name, step=step
-            ) from exc
 
     def miss_below(self, end: int) -> None:
         """Count all recorded outputs of steps below `end` that did not come as missing."""
