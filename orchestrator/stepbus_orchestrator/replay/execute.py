@@ -217,7 +217,14 @@ def replay(
     ports = replayed.results()
     divergence = ports[0].divergence if ports else None
     here = Path.cwd()
-    copied = [] if is_copy or file is not None else _copy_note(opened, participant)
+    notes = [f"the recording {flaw}" for flaw in opened.flaws()] + replayed.notes
+    if not is_copy and file is None and programs_of(opened, participant).files:
+        # The user may be working on another one.
+        notes.append(
+            "testing the copy in the recording, as its scenario is not in the current folder; give "
+            f"its folder with {argument('--source')}, or choose the copy with "
+            f"{argument('--recorded')}"
+        )
     return ReplayResult(
         recording=str(opened.path),
         participant=participant,
@@ -232,17 +239,8 @@ def replay(
         if file is None
         else str(file.relative_to(here) if file.is_relative_to(here) else file),
         changes=prepared.notes,
-        notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *replayed.notes, *copied],
+        notes=notes,
     )
-
-
-def _copy_note(recording: Recording, participant: str) -> list[str]:
-    """Return a note where the tested copy is of a program that the user may be working on."""
-    note = (
-        "testing the copy in the recording, as its scenario is not in the current folder; give its "
-        f"folder with {argument('--source')}, or choose the copy with {argument('--recorded')}"
-    )
-    return [note] if programs_of(recording, participant).files else []
 
 
 def _run(
