@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import IO
 
 from stepbus_orchestrator.cli.terminal.output import print_error
-from stepbus_participant import environment
 from stepbus_schemas import WiringError
 
 _START_S = 30.0
@@ -40,7 +39,6 @@ def viewed(
         viewers.extend(
             subprocess.Popen(
                 [*_COMMAND, *more, *options],
-                env=environment(),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,

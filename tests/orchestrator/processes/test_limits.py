@@ -26,14 +26,14 @@ def limited(folder, limit, *words):
 def test_files_too_few_to_read_the_scenario_are_no_mistake_in_it(tmp_path):
     done = limited(tmp_path, "-n 6", "run", "two_link", "--no-report")
     assert done.returncode == ExitCode.START
-    assert "1 participant needs 22 open files" in done.stderr
+    assert "1 participant needs 30 open files" in done.stderr
 
 
-@pytest.mark.parametrize("files", [22, 23])
+@pytest.mark.parametrize("files", [30, 31])
 def test_too_few_open_files_are_one_sentence_before_anything_is_made(tmp_path, files):
     done = limited(tmp_path, f"-n {files}", "run", "two_link", "--no-report")
     assert done.returncode == ExitCode.START
-    assert "3 participants needs 24 open files" in done.stderr
+    assert "3 participants needs 32 open files" in done.stderr
     assert f"allows {files}; raise the limit with `ulimit" in done.stderr
     assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
@@ -41,7 +41,7 @@ def test_too_few_open_files_are_one_sentence_before_anything_is_made(tmp_path, f
 
 def test_the_fewest_open_files_are_enough(tmp_path):
     words = ["run", "two_link", "--no-report", "--set", "duration=50ms", "--out", "run"]
-    assert limited(tmp_path, "-n 24", *words).returncode == 0
+    assert limited(tmp_path, "-n 32", *words).returncode == 0
 
 
 def test_a_folder_that_no_address_can_name_is_refused(tmp_path, own_temp, monkeypatch):
