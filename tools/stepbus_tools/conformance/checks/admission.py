@@ -7,15 +7,7 @@ from typing import Any
 
 from stepbus_orchestrator.processes.child import Child
 from stepbus_participant import TICKET_VARIABLE
-from stepbus_schemas import (
-    SPOKEN,
-    Description,
-    Hello,
-    Protocols,
-    Types,
-    WiringError,
-    offered,
-)
+from stepbus_schemas import SPOKEN, Description, Hello, Protocols, Types, WiringError, offered
 from stepbus_tools.conformance.feeds import reverse_description
 from stepbus_tools.conformance.harness import Harness
 from stepbus_tools.conformance.kit import Check, Kit, check
