@@ -18,7 +18,6 @@ from .bus.zenoh_bus import *
 from .calls import *
 from .config import *
 from .disk import *
-from .environment import *
 from .files import *
 from .inputs import Input as Input
 from .packages import *

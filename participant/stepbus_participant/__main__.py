@@ -13,7 +13,7 @@ import gc
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -48,15 +48,21 @@ def _take_part(name: str, folder: Path) -> int:
     return main(factory)
 
 
-def _check(requests: list[dict[str, Any]], folder: Path) -> int:
-    sys.path.insert(0, str(folder))
+def _answer(make: Callable[[], Any]) -> int:
+    """Write what a call returns as JSON; what the user's code prints goes to standard error."""
     answer = os.dup(1)
     os.dup2(2, 1)
     with contextlib.redirect_stdout(sys.stderr):
-        answers = [_problems(row["participant"], row["params"], folder) for row in requests]
+        content = make()
     with os.fdopen(answer, "w", encoding="utf-8") as file:
-        json.dump(answers, file)
+        json.dump(content, file)
     return 0
+
+
+def _check(folder: Path) -> list[list[tuple[Keys, str]]]:
+    requests = json.load(sys.stdin)
+    sys.path.insert(0, str(folder))
+    return [_problems(row["participant"], row["params"], folder) for row in requests]
 
 
 def _problems(name: str, params: dict[str, Any], folder: Path) -> list[tuple[Keys, str]]:
@@ -75,24 +81,19 @@ def _problems(name: str, params: dict[str, Any], folder: Path) -> list[tuple[Key
     return [(("params", *keys), message) for keys, message in problems]
 
 
-def _rehearse(name: str, folder: Path) -> int:
+def _rehearse(name: str, folder: Path) -> dict[str, Any]:
     welcome = Decoder(Welcome)(sys.stdin.buffer.read())
     source = name.rpartition(":")[0]
     if not is_installed(source):
         sys.path.insert(0, str(folder))
-    answer = os.dup(1)
-    os.dup2(2, 1)
     ports = Ports(None, None, SHIPPED)
-    with contextlib.redirect_stdout(sys.stderr):
-        problems = _problems(name, welcome.params, folder)
-        if not problems:
-            cls = import_participant(name, folder)
-            ports = declared_ports(cls)
-            problems = _problems_of(cls, welcome) if is_ours(source) else []
+    problems = _problems(name, welcome.params, folder)
+    if not problems:
+        cls = import_participant(name, folder)
+        ports = declared_ports(cls)
+        problems = _problems_of(cls, welcome) if is_ours(source) else []
     said = {"problems": problems, "inputs": ports.inputs, "outputs": ports.outputs}
-    with os.fdopen(answer, "w", encoding="utf-8") as file:
-        json.dump({**said, "types": ports.types.declarations}, file)
-    return 0
+    return {**said, "types": ports.types.declarations}
 
 
 def _problems_of(cls: type[Participant], welcome: Welcome) -> list[tuple[Keys, str]]:
@@ -116,9 +117,9 @@ def _at_its_key(problem: Problem, params: Mapping[str, Any]) -> tuple[Keys, str]
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--rehearse"]:
-        sys.exit(_rehearse(sys.argv[2], Path.cwd()))
+        sys.exit(_answer(lambda: _rehearse(sys.argv[2], Path.cwd())))
     if sys.argv[1:] == ["--check"]:
-        sys.exit(_check(json.load(sys.stdin), Path.cwd()))
+        sys.exit(_answer(lambda: _check(Path.cwd())))
     if sys.argv[1:] and sys.argv[1].rstrip() == WARM:
         sys.argv[1:] = [become_participants(sys.argv[2:])]
     if len(sys.argv) != 2:

@@ -5,7 +5,7 @@ import errno
 import itertools
 import os
 import stat
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -81,23 +81,12 @@ def is_shared(folder: Path) -> bool:
     return False
 
 
-_KINDS: Mapping[str, Callable[[int], bool]] = {
-    "a folder": stat.S_ISDIR,
-    "a link": stat.S_ISLNK,
-    "a named pipe": stat.S_ISFIFO,
-    "a socket": stat.S_ISSOCK,
-}
-
-
-def irregular(path: Path) -> str:
-    """Return what is there that no file must take the place of; empty for a file, or nothing."""
+def irregular(path: Path) -> bool:
+    """Return whether a folder, link, pipe or device is there, whose place no file must take."""
     try:
-        mode = path.lstat().st_mode
+        return not stat.S_ISREG(path.lstat().st_mode)
     except OSError:
-        return ""
-    if stat.S_ISREG(mode):
-        return ""
-    return next((kind for kind, fits in _KINDS.items() if fits(mode)), "a device")
+        return False
 
 
 def make_file(path: Path, mode: int = _FILE_MODE, disk: Disk = os) -> int:

@@ -18,10 +18,8 @@ def replaced(target: Path) -> Iterator[Path]:
     `target` is there and no regular file: a device, a pipe, a folder or a link.
     """
     part = target.with_name(f".{target.name}.part")
-    if kind := irregular(target):
-        raise RecordingFailed(
-            f"{target} is {kind}: it cannot be replaced by a file; choose another name"
-        )
+    if irregular(target):
+        raise RecordingFailed(f"{target} is not a regular file; choose another name")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         os.close(make_file(part))

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import IO
 
 from stepbus_orchestrator.cli.terminal.output import print_error
-from stepbus_participant import environment
 from stepbus_schemas import WiringError
 
 _START_S = 30.0
@@ -33,7 +32,6 @@ def viewed(folder: Path, *, opens: bool, stays: bool, interrupt: threading.Event
     options = [*([] if stays else ["--until-end"]), *([] if opens else ["--no-open"])]
     viewer = subprocess.Popen(
         [*_COMMAND, str(folder), "--follow", *options],
-        env=environment(),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

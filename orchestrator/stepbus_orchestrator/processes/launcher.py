@@ -16,7 +16,7 @@ from stepbus_orchestrator.processes.endpoints import private_folder
 from stepbus_orchestrator.processes.external import External, JoinTicket, publish
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_participant import Endpoint, Ticket, environment
+from stepbus_participant import Endpoint, Ticket
 from stepbus_schemas import SPOKEN
 
 _END_S = 10.0
@@ -49,7 +49,6 @@ class Launcher:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 text=True,
-                env=environment(),
                 start_new_session=True,
             )
         except OSError as exc:

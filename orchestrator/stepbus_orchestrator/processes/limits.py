@@ -4,7 +4,7 @@ import resource
 
 from stepbus_orchestrator.errors import StartFailed
 
-_OWN_FILES = 21
+_OWN_FILES = 29
 """Open files of an orchestrator without participants; each of these adds a link."""
 
 

@@ -19,7 +19,7 @@ import msgspec
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes import PYTHON
 from stepbus_orchestrator.scenario.program import PYTHON as INTERPRETER
-from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, environment, is_ours
+from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, is_ours
 from stepbus_participant.warm import WARM, Birth
 
 _COMMAND = (*INTERPRETER, "-m", "stepbus_participant")
@@ -35,7 +35,7 @@ _COVERAGE = ("COVERAGE_PROCESS_START", "COVERAGE_PROCESS_CONFIG")
 
 def participant_environment(ticket: str) -> Mapping[str, str]:
     """Return the environment of a participant: ours, the path of its ticket, unbuffered prints."""
-    return {**ONE_THREAD, **environment(), **PYTHON, TICKET_VARIABLE: ticket}
+    return {**ONE_THREAD, **os.environ, **PYTHON, TICKET_VARIABLE: ticket}
 
 
 class _Parent:

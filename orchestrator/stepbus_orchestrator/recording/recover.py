@@ -61,10 +61,8 @@ def recover(source: Path, target: Path, *, in_place: bool = False, disk: Disk = 
     exists already, RecordingFailed when it cannot be written, and in place of a recording that is
     being written.
     """
-    if kind := irregular(target):
-        raise RecordingFailed(
-            f"{target} is {kind}: it cannot be replaced by a file; choose another name"
-        )
+    if irregular(target):
+        raise RecordingFailed(f"{target} is not a regular file; choose another name")
     if target.exists() and not in_place:
         raise OutputExists(
             f"{target} already exists; choose another name with {argument('--out', 'target')}"

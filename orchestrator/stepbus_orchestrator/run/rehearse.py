@@ -10,7 +10,7 @@ from stepbus_orchestrator.run.folder import warnings_in
 from stepbus_orchestrator.run.kernel.admission import misfits, welcome_of
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import PYTHON, missing
-from stepbus_participant import Problems, environment
+from stepbus_participant import Problems
 from stepbus_participant.parameters import Keys
 from stepbus_schemas import PROTOCOL_VERSION, Hello, encode
 
@@ -54,7 +54,6 @@ def _asked(scenario: Scenario, spec: ParticipantSpec) -> Iterator[subprocess.Pop
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             cwd=scenario.folder,
-            env=environment(),
             start_new_session=True,
         )
     with process:

@@ -16,7 +16,6 @@ from stepbus_orchestrator.scenario.schedule import sort
 from stepbus_participant import (
     Problems,
     declared_parameters,
-    environment,
     extra_hint,
     is_ours,
     suggest,
@@ -159,7 +158,6 @@ def _check_classes(
             capture_output=True,
             text=True,
             cwd=scenario.folder,
-            env=environment(),
             timeout=_LONGEST_S,
             check=True,
             start_new_session=True,

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-from stepbus_participant import OutputError, environment, last_lines
+from stepbus_participant import OutputError, last_lines
 from stepbus_schemas import WiringError
 
 VARIABLE = "STEPBUS_BRIDGE"
@@ -217,7 +217,7 @@ def _spawn(argv: Sequence[str], form: str, reads: int, writes: int) -> int:
     return os.posix_spawn(
         argv[0],
         list(argv),
-        {**environment(), VARIABLE: form},
+        {**os.environ, VARIABLE: form},
         file_actions=actions,
         # Python ignores these two, which a program would inherit.
         setsigdef=[signal.SIGPIPE, signal.SIGXFSZ],

@@ -24,9 +24,9 @@ def limited(folder, limit, *words):
 @pytest.mark.parametrize(
     ("files", "needed"),
     [
-        (6, "1 participant needs 22"),
-        (22, "3 participants needs 24"),
-        (23, "3 participants needs 24"),
+        (6, "1 participant needs 30"),
+        (30, "3 participants needs 32"),
+        (31, "3 participants needs 32"),
     ],
 )
 def test_too_few_open_files_are_one_sentence_before_anything_is_made(tmp_path, files, needed):
@@ -40,7 +40,7 @@ def test_too_few_open_files_are_one_sentence_before_anything_is_made(tmp_path, f
 
 def test_the_fewest_open_files_are_enough(tmp_path):
     words = ["run", "two_link", "--no-report", "--set", "duration=50ms", "--out", "run"]
-    assert limited(tmp_path, "-n 24", *words).returncode == 0
+    assert limited(tmp_path, "-n 32", *words).returncode == 0
 
 
 @pytest.mark.parametrize("word", [b"--out=\xff", b"\xff.yaml"])

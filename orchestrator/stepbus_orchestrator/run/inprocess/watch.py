@@ -21,7 +21,6 @@ from stepbus_orchestrator.run.inprocess import turn_watchdog, turns
 from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub, Late
 from stepbus_orchestrator.run.inprocess.turn_watchdog import TRACE_SIGNAL
 from stepbus_orchestrator.run.inprocess.turns import INTERRUPTED, LATE, Stage, Turns, make_file
-from stepbus_participant import environment
 
 _CHECK_S = 0.1
 _JOIN_S = 1.0
@@ -127,9 +126,7 @@ def _watched_memory() -> Iterator[Turns]:
         (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
         (os.POSIX_SPAWN_DUP2, memory.file, 3),
     ]
-    child = os.posix_spawn(
-        sys.executable, command, environment(), file_actions=actions, setsid=True
-    )
+    child = os.posix_spawn(sys.executable, command, os.environ, file_actions=actions, setsid=True)
     try:
         yield memory
     finally:

@@ -1,20 +1,13 @@
 """Checks from the ticket to the start: `Hello`, refusals, handshakes, descriptions."""
 
+import os
 import time
 from collections.abc import Mapping
 from typing import Any
 
 from stepbus_orchestrator.processes.child import Child
-from stepbus_participant import TICKET_VARIABLE, environment
-from stepbus_schemas import (
-    SPOKEN,
-    Description,
-    Hello,
-    Protocols,
-    Types,
-    WiringError,
-    offered,
-)
+from stepbus_participant import TICKET_VARIABLE
+from stepbus_schemas import SPOKEN, Description, Hello, Protocols, Types, WiringError, offered
 from stepbus_tools.conformance.feeds import reverse_description
 from stepbus_tools.conformance.harness import Harness
 from stepbus_tools.conformance.kit import Check, Kit, check
@@ -28,7 +21,7 @@ _UNKNOWN = 1000
 
 @check("P1.1", "without a ticket, it exits with a non-zero code")
 def _no_ticket(kit: Kit) -> str:
-    variables = {k: v for k, v in environment().items() if k != TICKET_VARIABLE}
+    variables = {k: v for k, v in os.environ.items() if k != TICKET_VARIABLE}
     logs = kit.log_folder() / "no_ticket.log"
     child = Child(kit.spec.name, kit.command, cwd=kit.cwd, log=logs, environment=variables)
     limit_s = kit.spec.deadlines.spawn_s

@@ -1,9 +1,12 @@
 """MuJoCo: exact states with contacts, and wheels for every current Python."""
 
-from stepbus_participant import variables
+import contextlib
+import os
 
 # With a renderer that is not there, MuJoCo itself could not be loaded, even without any camera.
-with variables({"MUJOCO_GL": None}):
+with contextlib.ExitStack() as after:
+    if (renderer := os.environ.pop("MUJOCO_GL", None)) is not None:
+        after.callback(os.environ.__setitem__, "MUJOCO_GL", renderer)
     from stepbus_plant.engines.mujoco.engine import MujocoEngine
 
 ENGINE = MujocoEngine
