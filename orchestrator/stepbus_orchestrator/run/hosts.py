@@ -28,13 +28,12 @@ class Processes:
     """Starts a process for each participant, and links them over Zenoh.
 
     start_order: names of the participants that are started, in this order; default: all, as in the
-    scenario. has_slots: whether bulk content goes through files, where all can (P17).
+    scenario.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     start_order: Sequence[str] | None = None
-    has_slots: bool = True
 
     def alone(self, _interrupt: threading.Event) -> AbstractContextManager[None]:
         """Do nothing: no run disturbs another one."""
@@ -55,7 +54,7 @@ class Processes:
             mesh = make_mesh(started, launcher.folder, run.key, held, is_star=run.is_star)
             slots = RunSlots()
             # The orchestrator passes on what it plays.
-            if self.has_slots and not run.is_star:
+            if not run.is_star:
                 slots = make_slots(scenario, launcher)
             classes = [one.participant for one in specs if one.participant]
             with warm_parent(classes), contextlib.ExitStack() as stack:
