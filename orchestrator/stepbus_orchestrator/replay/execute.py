@@ -59,6 +59,8 @@ class Replayed(Repetition):
     Raises ParticipantFault for a message that is not of its port's type.
     """
 
+    is_star = True
+
     def __init__(
         self,
         recording: Recording,
@@ -253,7 +255,7 @@ def _run(
     folder: gets the participant's log.
     """
     name, recording = replayed.spec.name, replayed.recording
-    host = Processes(start_order=[name], has_slots=False)
+    host = Processes(start_order=[name])
     run = Run(
         scenario,
         sink,
