@@ -7,17 +7,15 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 from typing import IO
 
 from stepbus_orchestrator.cli.terminal.keys import HELP
 from stepbus_orchestrator.cli.terminal.output import INDENT, fold, has_screen, visible, write
-from stepbus_orchestrator.cli.terminal.stdout_buffer import is_held
 from stepbus_orchestrator.run.reports import Observer, Progress
 
 _FIRST_LINES_S = (2.0, 10.0)
 _LINES_EVERY_S = 60.0
-_MINUTE_S, _HOUR_S = 90.0, 90 * 60.0
-"""From where on a time is said in minutes, or in hours [s]."""
 _BAR_COLUMNS = 30
 _REPORTS = 40
 """How many reports, of about four a second, count for the rate."""
@@ -31,8 +29,7 @@ class Reached:
 
     title: what it does. what: where it is, e.g. `step 840 of 2000`. done, total: how much, in any
     unit; a total of None has no end. rate: how fast, in words. left_s: time left [s]; None: not
-    known. is_paused: nothing moves until the user lets it. note: what else is worth a line. detail:
-    the same, below the bar only.
+    known. is_paused: nothing moves until the user lets it. note: what else is worth a line.
     """
 
     title: str
@@ -43,28 +40,19 @@ class Reached:
     left_s: float | None = None
     is_paused: bool = False
     note: str = ""
-    detail: str = ""
 
     def figures(self) -> list[str]:
         """Return the share that is done, the rate and the time left, as far as they are known."""
         # It is 100 % at the end only.
         share = f"{math.floor(100 * self.done / self.total)} %" if self.total else ""
-        has_left = self.left_s is not None and self.left_s >= 1.0 and not self.is_paused
-        left = f"{_span(self.left_s or 0.0)} left" if has_left else ""
+        seconds = round(self.left_s or 0.0)
+        left = f"{timedelta(seconds=seconds)} left" if seconds else ""
         return [figure for figure in (share, self.rate, left) if figure]
 
     def line(self) -> str:
         """Return all of it in one line."""
         note = f"; {self.note}" if self.note else ""
         return f"{self.title}: {', '.join([self.what, *self.figures()])}{note}"
-
-
-def _span(seconds: float) -> str:
-    """Return a time span in words, such as `12 s`, `3 min` or `2 h 05 min`."""
-    if seconds < _MINUTE_S:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if seconds < _HOUR_S else f"{minutes // 60} h {minutes % 60:02} min"
 
 
 class Lines:
@@ -109,7 +97,6 @@ class Bar:
         # In a pipe, nothing of a run has to load it.
         from rich import console, live, progress  # noqa: PLC0415
 
-        self._stream = stream
         self._below = below
         self._progress = progress.Progress(
             progress.TextColumn("{task.description}", "bold", markup=False),
@@ -128,9 +115,6 @@ class Bar:
 
     def show(self, reached: Reached) -> None:
         """Draw how far the command is."""
-        # What Ctrl-S holds back would be out of date when it is shown.
-        if is_held(self._stream):
-            return
         from rich.text import Text  # noqa: PLC0415  (see above)
 
         figures = "  ".join(reached.figures())
@@ -141,7 +125,7 @@ class Bar:
             completed=reached.done,
             figures=figures or reached.what,
         )
-        lines = (reached.what if figures else "", reached.detail, reached.note, *self._below)
+        lines = (reached.what if figures else "", reached.note, *self._below)
         rows = [Text(line, style="dim") for line in lines if line]
         self._live.update(self._group(self._progress, *rows))
         self._live.start()
@@ -203,7 +187,6 @@ class Display(Observer):
 
     def reached(self, progress: Progress) -> Reached:
         """Return how far the run is, by its newest report."""
-        is_held = bool(self._newest) and progress.step == self._newest[-1].step
         rate = self._rate(progress)
         steps = progress.steps or 0
         done, total = (self._run - 1) * steps + progress.step, self._runs * steps
@@ -216,8 +199,7 @@ class Display(Observer):
             rate=f"{factor:{'.1f' if factor >= 1 else '.2g'}} × real time" if rate else "",
             left_s=(total - done) / rate if rate and total else None,
             is_paused=progress.phase == "paused",
-            note=in_degrees(progress) if self._degrees else "",
-            detail=_detail(progress, rate, is_held=is_held),
+            note=_note(progress, degrees=self._degrees),
         )
 
     def _rate(self, progress: Progress) -> float:
@@ -260,12 +242,10 @@ def displayed(
         yield Display(screen, title, degrees=degrees, runs=runs, has_progress=not is_plain)
 
 
-def _detail(progress: Progress, rate: float, *, is_held: bool) -> str:
-    """Return what slows the run. is_held: it has not moved since the last report."""
-    facts = [f"{rate:.0f} steps/s"] if rate else []
-    if is_held and progress.holders:
-        facts.append(f"waits for {', '.join(progress.holders)}")
-    elif progress.compute_us:
+def _note(progress: Progress, *, degrees: bool) -> str:
+    """Return the angles of all joints if asked for, the slowest participant, and drops."""
+    facts = [in_degrees(progress)] if degrees else []
+    if progress.compute_us:
         slowest = max(progress.compute_us, key=lambda name: progress.compute_us[name])
         facts.append(f"slowest: {slowest}, {progress.compute_us[slowest]:.0f} µs a step")
     if dropped := [f"{count} by {name}" for name, count in progress.drops.items() if count]:
