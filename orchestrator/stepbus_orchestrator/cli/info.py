@@ -16,9 +16,8 @@ from stepbus_orchestrator.scenario.ports import RECORD_ALL
 from stepbus_participant import parse_duration
 from stepbus_schemas import Event, StepbusError
 
-_MOST_TYPES, _MOST_TOPICS = 3, 3
+_MOST_TYPES, _MOST_TOPICS = 4, 3
 _MAIN = ("python", "stepbus")
-_PYTHON = "Python "
 _OF_MACHINE = ("machine", "cpu")
 _OF_EVERY_RUN = (layout.CHAIN_TYPE, layout.CALLS_TYPE)
 
@@ -126,7 +125,7 @@ def _programs(scenario: Mapping[str, Any]) -> dict[str, str]:
 
 def _program(row: Mapping[str, Any]) -> str:
     if "participant" in row:
-        return f"{_PYTHON}{row['participant']}"
+        return f"Python {row['participant']}"
     words = row.get("exec")
     program = " ".join(map(str, words)) if isinstance(words, list) else str(words or "external")
     bridge = row.get("bridge")
@@ -163,7 +162,8 @@ def _lines(info: Info) -> Iterator[str]:
     yield f"outcome   {_outcome(info)}"
     yield f"length    {_length(info)}"
     yield from (f"hole      {hole}" for hole in info.holes)
-    yield f"programs  {_started(info.programs)}"
+    programs = ", ".join(f"{name} ({program})" for name, program in info.programs.items())
+    yield f"programs  {programs or 'none recorded'}"
     yield from _messages(info)
     levels = ", ".join(f"{count} {level}" for level, count in info.events.items())
     yield f"events    {levels or 'none'}; faults injected: {', '.join(info.faults) or 'none'}"
@@ -174,8 +174,8 @@ def _lines(info: Info) -> Iterator[str]:
 
 
 def shown_size(size: int) -> str:
-    """Return a size [bytes] in megabytes."""
-    return f"{size / 1e6:.3g} MB"
+    """Return a size [bytes] as people read it."""
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.0f} kB"
 
 
 def _outcome(info: Info) -> str:
@@ -198,14 +198,6 @@ def _length(info: Info) -> str:
     if info.wall_s:
         text += f", in {info.wall_s:.2f} s of wall time ({info.steps / info.wall_s:.0f} steps/s)"
     return text
-
-
-def _started(programs: Mapping[str, str]) -> str:
-    """Return which participants there are, those in Python together."""
-    python = [name for name, program in programs.items() if program.startswith(_PYTHON)]
-    others = [f"{name} ({row})" for name, row in programs.items() if name not in python]
-    rows = [*([f"{', '.join(python)} (Python)"] if python else []), *others]
-    return ", ".join(rows) or "none recorded"
 
 
 def _messages(info: Info) -> Iterator[str]:

@@ -38,9 +38,9 @@ def printed(reports):
     return lines
 
 
-def test_a_pipe_gets_a_line_after_2_and_10_seconds_and_then_each_minute():
+def test_a_pipe_gets_a_line_after_2_10_and_50_seconds_and_then_each_minute():
     lines = printed([(tick / 4, False) for tick in range(4 * 200)])
-    assert [time_s for time_s, _ in lines] == [2.0, 10.0, 70.0, 130.0, 190.0]
+    assert [time_s for time_s, _ in lines] == [2.0, 10.0, 50.0, 110.0, 170.0]
 
 
 def test_what_ends_within_two_seconds_prints_nothing():

@@ -14,7 +14,7 @@ from stepbus_orchestrator.cli.terminal.keys import HELP
 from stepbus_orchestrator.cli.terminal.output import INDENT, fold, has_screen, visible, write
 from stepbus_orchestrator.run.reports import Observer, Progress
 
-_FIRST_LINES_S = (2.0, 10.0)
+_FIRST_LINE_S = 2.0
 _LINES_EVERY_S = 60.0
 _BAR_COLUMNS = 30
 _REPORTS = 40
@@ -56,7 +56,7 @@ class Reached:
 
 
 class Lines:
-    """Prints lines; of progress after 2 s and 10 s, then one a minute, and at the ends of a pause.
+    """Prints lines: of progress after 2, 10 and 50 s, then each minute, and at the ends of a pause.
 
     clock: seconds of the wall clock.
     """
@@ -65,7 +65,7 @@ class Lines:
         self._stream = stream
         self._clock = clock
         self._began_s = clock()
-        self._due_s = _FIRST_LINES_S[0]
+        self._due_s = _FIRST_LINE_S
         self._is_paused = False
 
     def say(self, text: str) -> None:
@@ -77,8 +77,7 @@ class Lines:
         passed_s = self._clock() - self._began_s
         is_due = passed_s >= self._due_s
         if is_due:
-            later = [at for at in _FIRST_LINES_S if at > passed_s]
-            self._due_s = later[0] if later else passed_s + _LINES_EVERY_S
+            self._due_s = min(5 * passed_s, passed_s + _LINES_EVERY_S)
         if reached.is_paused != self._is_paused or (is_due and not reached.is_paused):
             self._is_paused = reached.is_paused
             self.say(reached.line())
@@ -90,50 +89,45 @@ class Lines:
 class Bar:
     """Draws one bar, again with each report; lines that are printed meanwhile stand above it.
 
-    below: lines that always stand below it.
+    below: lines that always stand below its figures.
     """
 
     def __init__(self, stream: IO[str], below: Sequence[str] = ()) -> None:
         # In a pipe, nothing of a run has to load it.
-        from rich import console, live, progress  # noqa: PLC0415
+        from rich import console, progress, table  # noqa: PLC0415
 
         self._below = below
         self._progress = progress.Progress(
             progress.TextColumn("{task.description}", "bold", markup=False),
             progress.BarColumn(_BAR_COLUMNS, complete_style="cyan", finished_style="cyan"),
-            progress.TextColumn("{task.fields[figures]}", markup=False),
+            progress.TextColumn("{task.fields[text]}", markup=False, table_column=table.Column()),
+            console=console.Console(file=stream),
+            auto_refresh=False,
+            transient=True,
         )
-        self._task = self._progress.add_task("", total=None, figures="")
-        self._console = console.Console(file=stream)
-        self._group = console.Group
-        self._live = live.Live(console=self._console, auto_refresh=False, transient=True)
+        self._task = self._progress.add_task("", total=None, text="")
 
     def say(self, text: str) -> None:
         """Print a line above the bar."""
-        folded = fold(visible(text), self._console.width, INDENT)
-        self._console.print(folded, markup=False, soft_wrap=True)
+        screen = self._progress.console
+        screen.print(fold(visible(text), screen.width, INDENT), markup=False, soft_wrap=True)
 
     def show(self, reached: Reached) -> None:
         """Draw how far the command is."""
-        from rich.text import Text  # noqa: PLC0415  (see above)
-
-        figures = "  ".join(reached.figures())
+        lines = ("  ".join(reached.figures()), reached.what, reached.note, *self._below)
         self._progress.update(
             self._task,
             description=reached.title,
             total=reached.total,
             completed=reached.done,
-            figures=figures or reached.what,
+            text="\n".join(filter(None, lines)),
         )
-        lines = (reached.what if figures else "", reached.note, *self._below)
-        rows = [Text(line, style="dim") for line in lines if line]
-        self._live.update(self._group(self._progress, *rows))
-        self._live.start()
-        self._live.refresh()
+        self._progress.start()
+        self._progress.refresh()
 
     def close(self) -> None:
         """Remove the bar."""
-        self._live.stop()
+        self._progress.stop()
 
 
 def open_screen(stream: IO[str], below: Sequence[str] = ()) -> Lines | Bar:
