@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_models.mjcf import one_line
 from stepbus_plant.engine import (
     ANY_BODY,
     ANY_LINK,
@@ -345,11 +346,6 @@ def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
         on_other=contact.on_one,
         normal=(-x, -y, -z),
     )
-
-
-def one_line(error: Exception) -> str:
-    """Return what MuJoCo says, on one line."""
-    return " ".join(str(error).removeprefix("XML Error: ").removeprefix("Error: ").split())
 
 
 def _point(values: Array) -> Point:
