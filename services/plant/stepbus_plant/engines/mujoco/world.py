@@ -264,7 +264,7 @@ class World(Engine):
             at = model.jnt_dofadr[model.body_jntadr[number]]
             data.qvel[at : at + 3], data.qvel[at + 3 : at + 6] = linear, turn.T @ angular
         elif linear.any() or angular.any() or number in self._drift:
-            self._drift_with({**self._drift, number: (linear, angular)})
+            self._drift_with({number: (linear, angular)})
 
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
         """See `Engine`."""
@@ -273,9 +273,8 @@ class World(Engine):
 
     def _drift_with(self, drift: dict[int, tuple[Array, Array]]) -> None:
         """Let the surfaces of standing bodies move, and so what is on them; drift: see `_State`."""
-        stopped = dict.fromkeys(self._drift, _RESTS)
-        self._drift = drift
-        for number, (velocity, spin) in {**stopped, **drift}.items():
+        self._drift |= drift
+        for number, (velocity, spin) in drift.items():
             model, data = self._looked()
             model.flg_surfacevel = True
             stands = (model.body_rootid == number) & (model.body_treeid < 0)
