@@ -147,11 +147,18 @@ class LivePage:
     def _step_s(self) -> float:
         return (self._tail.step_ns or 1_000_000_000) * 1e-9
 
+    def _decoded(self, topic: str, data: bytes) -> object:
+        """Return a message or a recorded call; None for one that cannot be read."""
+        with contextlib.suppress(StepbusError):
+            is_call = topic == layout.CALLS_TOPIC
+            return _decode_call(data) if is_call else self._tail.decode(topic, data)
+        return None
+
     def _tell_events(self) -> None:
         marks = list[Mark]()
         for topic in self._event_topics:
             for step, data in self._tail.take_kept(topic):
-                t_s, message = step * self._step_s, _decoded(self._tail, topic, data)
+                t_s, message = step * self._step_s, self._decoded(topic, data)
                 mark = mark_of(topic.replace("/", ".", 1), t_s, message)
                 marks += [] if mark is None else [mark]
                 stop = stop_of(message, t_s) if isinstance(message, CallRecord) else None
@@ -159,15 +166,6 @@ class LivePage:
         if marks:
             self._marks = sorted([*self._marks, *marks], key=lambda mark: mark.t)[-_MOST_MARKS:]
             self._view.tell(self._marks)
-
-
-def _decoded(tail: Tail, topic: str, data: bytes) -> object:
-    """Return a message or a recorded call; None for one that cannot be read."""
-    if topic != layout.CALLS_TOPIC:
-        return tail.decode(topic, data)
-    with contextlib.suppress(StepbusError):
-        return _decode_call(data)
-    return None
 
 
 def headline(status: Any, last_step: int, rate: float) -> str:

@@ -8,6 +8,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+from rich.progress import Progress as Bar
+
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_participant import suggest
@@ -90,10 +93,6 @@ def progress_bar(what: str, last_step: int) -> Iterator[Reached]:
     if not sys.stderr.isatty():
         yield lambda _step: None
         return
-    # It takes a tenth of a second to load.
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import Progress as Bar  # noqa: PLC0415
-
     with Bar(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=max(1, last_step))
         yield lambda step: bar.update(task, completed=step)
