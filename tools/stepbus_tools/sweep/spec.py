@@ -159,20 +159,12 @@ def _read(scenario: str, options: Mapping[str, Any]) -> tuple[Spec, Problems]:
 
 def _contradictions(spec: Spec, axes: Sequence[Axis | None]) -> Iterator[tuple[Keys, str]]:
     """Yield what does not go together in a sweep; axes: None, those that are none."""
-    usual = Spec(scenario="")
-    known = [axis for axis in axes if axis is not None]
-    is_drawn = len(known) < len(axes) or any(axis.distribution for axis in known)
     if not axes:
         yield ("vary",), "needs at least one axis, e.g. controller.params.kp=50:200:7"
     if spec.optimize is not None:
-        yield from _optimizer_problems(spec, spec.optimize, usual)
-    else:
-        if spec.trials or spec.maximize:
-            yield ("optimize",), "needs the name of a metric, as trials are for an optimizer"
-        if spec.batch != usual.batch:
-            yield ("batch",), "is only for an optimizer"
-        if spec.sampling != usual.sampling and not is_drawn:
-            yield ("sampling",), "no axis has a distribution to sample"
+        yield from _optimizer_problems(spec, spec.optimize)
+    elif spec.trials or spec.maximize:
+        yield ("optimize",), "needs the name of a metric, as trials are for an optimizer"
     for number, axis in enumerate(axes):
         if axis is None:
             continue
@@ -184,11 +176,12 @@ def _contradictions(spec: Spec, axes: Sequence[Axis | None]) -> Iterator[tuple[K
             yield ("vary", number), f"{axis.text}: {text}"
 
 
-def _optimizer_problems(spec: Spec, name: str, usual: Spec) -> Iterator[tuple[Keys, str]]:
+def _optimizer_problems(spec: Spec, name: str) -> Iterator[tuple[Keys, str]]:
     """Yield what is wrong with a sweep that optimises a metric."""
     if not spec.trials:
         text = f"an optimizer needs a number of runs in {argument('--trials')}, e.g. 100"
         yield ("trials",), text
+    usual = Spec(scenario="")
     for key in ("samples", "repeats", "sampling"):
         if getattr(spec, key) != getattr(usual, key):
             yield (key,), "the optimizer chooses the runs; remove it"
