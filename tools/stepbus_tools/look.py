@@ -125,11 +125,7 @@ def engineering(value: float, unit: str) -> str:
 
 def run_sample(number: int) -> str:
     """Return how the lines of a run are drawn, by its place among several."""
-    return line_sample(f"l6 run{number % 4}" if number else "l6")
-
-
-def line_sample(style: str) -> str:
-    """Return how lines of some classes are drawn."""
+    style = f"l6 run{number % 4}" if number else "l6"
     return (
         '<svg viewBox="0 0 40 8" class="sample" aria-hidden="true">'
         f'<path class="{style}" d="M0 4H40"/></svg>'

@@ -178,7 +178,7 @@ class SignalCurves:
         self.names = list(first.names)
         self.limits: Mapping[str, Sequence[float]] = first.limits
         self.joint_types: Mapping[str, str] = first.joint_types
-        self._modes: set[str] = set()
+        self.modes: set[str] = set()
         self._curves: dict[str, Curve] = {}
         self._count = 0
 
@@ -187,18 +187,13 @@ class SignalCurves:
         self._count += len(signal.t)
         if list(signal.names) != self.names:
             return
-        self._modes |= signal.modes
+        self.modes |= signal.modes
         fields = dict(signal.fields)
         if "position" in fields and "velocity" not in fields and len(signal.t) > 1:
             # Where it is not sensed, it is the finite difference of positions.
             fields["velocity"] = np.gradient(fields["position"], signal.t, axis=0)
         for quantity, values in fields.items():
             self._curves.setdefault(quantity, Curve()).add(signal.t, values)
-
-    @property
-    def is_torque(self) -> bool:
-        """Return whether it commands torques, and nothing else but to brake."""
-        return "torque" in self._modes and self._modes <= _TORQUE_ONLY
 
     def of(self, quantity: str, joint: str) -> Line | None:
         """Return one quantity of one joint; None where any message lacks it."""
@@ -244,8 +239,9 @@ class JointCurves:
 
     @property
     def torques(self) -> list[SignalCurves]:
-        """Return the ports that command torques."""
-        return [curves for curves in self._commands.values() if curves.is_torque]
+        """Return the ports that command torques, and nothing else but to brake."""
+        commands = self._commands.values()
+        return [one for one in commands if "torque" in one.modes and one.modes <= _TORQUE_ONLY]
 
     def state_of(self, joint: str) -> SignalCurves | None:
         """Return the state that measures a joint."""

@@ -132,7 +132,10 @@ class Pool:
         options: dict[str, Any] = {"address": address}
         if not address:
             # Ray lets every user into its own folder, so that lies in one of ours.
-            self._temporary = tempfile.mkdtemp(prefix=_TEMPORARY, dir=_short_folder())
+            # The names of its sockets may have 107 bytes.
+            usual = tempfile.gettempdir()
+            folder = usual if len(usual) <= _LONGEST_FOLDER else "/tmp"  # noqa: S108
+            self._temporary = tempfile.mkdtemp(prefix=_TEMPORARY, dir=folder)
             options = {
                 "num_cpus": self._options.jobs or os.cpu_count(),
                 "include_dashboard": False,
@@ -223,9 +226,3 @@ class Pool:
         if row.exit_code in _RETRIED and task.attempts <= self._options.retries:
             return None
         return task.counted(row), files
-
-
-def _short_folder() -> str:
-    """Return a folder for Ray's sockets, whose names may have 107 bytes."""
-    usual = tempfile.gettempdir()
-    return usual if len(usual) <= _LONGEST_FOLDER else "/tmp"  # noqa: S108

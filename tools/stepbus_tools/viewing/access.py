@@ -87,10 +87,11 @@ def only_with(token: str, process: Process) -> Process:
     def process_request(connection: Any, request: Any) -> Any:
         given, _, rest = request.path.removeprefix("/").partition("/")
         name, mark, query = given.partition("?")
+        host, origins = request.headers.get("Host"), request.headers.get_all("Origin")
         if not hmac.compare_digest(name.encode(), token.encode()):
             why = "Open the URL that `stepbus view` prints.\n"
             response = connection.respond(HTTPStatus.FORBIDDEN, why)
-        elif not _is_from_here(request.headers):
+        elif not all(origin in {f"http://{host}", f"https://{host}"} for origin in origins):
             why = "A page of another server asks for this one.\n"
             response = connection.respond(HTTPStatus.FORBIDDEN, why)
         else:
@@ -101,9 +102,3 @@ def only_with(token: str, process: Process) -> Process:
         return response
 
     return process_request
-
-
-def _is_from_here(headers: Any) -> bool:
-    """Return whether a request comes from no page of another server."""
-    host, origins = headers.get("Host"), headers.get_all("Origin")
-    return all(origin in {f"http://{host}", f"https://{host}"} for origin in origins)

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Tail, layout
+from stepbus_orchestrator.recording import Recording, Tail, layout
 from stepbus_orchestrator.run.live_file import LIVE_FILE
-from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.result import Result, result_beside
 from stepbus_schemas import CallRecord, Decoder, StepbusError
 from stepbus_tools.report.charts import Mark
 from stepbus_tools.report.summary import scenario_name
@@ -25,7 +25,7 @@ from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.scene import Latest, Messages
 from stepbus_tools.viewing.stage.curves import Data, Signal
 from stepbus_tools.viewing.stage.stage import Framing, add_light
-from stepbus_tools.viewing.stage.view import View, failure_banner, plain_topics, result_in
+from stepbus_tools.viewing.stage.view import View, failure_banner, plain_topics
 from stepbus_tools.viewing.viewpoint import Swept
 
 _IDLE_S = 5.0
@@ -244,8 +244,10 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
 
 def _result_of(folder: Path, is_over: Callable[[], bool]) -> Result | None:
     """Return the result of a run that has ended, which is written after its recording."""
-    deadline = time.monotonic() + _RESULT_S
-    while (result := result_in(folder)) is None and not is_over() and time.monotonic() < deadline:
+    result, deadline = None, time.monotonic() + _RESULT_S
+    while result is None and not is_over() and time.monotonic() < deadline:
+        with contextlib.suppress(StepbusError, OSError), Recording(folder) as recording:
+            result = result_beside(recording)
         time.sleep(_LAST_S)
     return result
 

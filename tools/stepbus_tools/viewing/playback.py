@@ -19,7 +19,6 @@ from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.scene import Messages
 from stepbus_tools.viewing.stage.curves import Data, Signal
 from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Framing, Stage, add_light
 from stepbus_tools.viewing.stage.view import (
@@ -145,10 +144,6 @@ class Playback:
             self._samples[signal.key] = self._read(signal)
         return self._samples[signal.key]
 
-    def _past(self, step: int) -> Messages:
-        """Return what placed the scene at a step."""
-        return self._history.at(self.view.stage.scene.topics, step * self._history.step_ns)
-
     def _read(self, signal: Signal) -> Data:
         times = self._history.times(max(1, min(_SAMPLES, self._history.last_step)))
         values = np.full((len(times), len(self._histories), len(signal.names)), math.nan)
@@ -249,7 +244,11 @@ class Playback:
     def _show(self) -> None:
         t_ns, history = self._t_ns, self._history
         self._shown_ns = t_ns
-        self.view.show(history.at(self.view.topics, t_ns), self._past)
+        moving = self.view.stage.scene.topics
+        self.view.show(
+            history.at(self.view.topics, t_ns),
+            lambda step: history.at(moving, step * history.step_ns),
+        )
         for other, stage in self._others:
             stage.move(stage.scene.poses(other.at(stage.scene.topics, t_ns)))
         called = [who for since_ns, who in self._stops if since_ns <= t_ns]

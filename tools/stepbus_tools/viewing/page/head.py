@@ -30,21 +30,18 @@ def head(run: RunPage) -> str:
     verdict = result.outcome if result else "unknown"
     shown = "".join(f'<p class="problem">{escape(text)}</p>' for text in problems)
     lines = "".join(f"<li>{escape(line)}</li>" for line in run.lines)
+    # Such as a mission's table: the last text of several lines of each source.
+    long = {one.source: one.text for one in run.events if "\n" in one.text}
+    last = "".join(f"<pre tabindex=0>{escape(text)}</pre>" for text in long.values())
     figures_shown = "" if run.label else f'<dl class="figures">{_cells(figures(run))}</dl>'
     return (
         f'<header class="{escape(verdict)}"><h1>{name} '
         f'<span class="verdict {escape(verdict)}">{escape(verdict)}</span></h1>'
         f"{_why(run)}{shown}{figures_shown}{f'<ul>{lines}</ul>' if lines else ''}"
-        f"{_last_words(run)}"
+        f"{last}"
         f"<details><summary>More about this run</summary><dl>{_cells(_facts(run))}</dl></details>"
         "</header>"
     )
-
-
-def _last_words(run: RunPage) -> str:
-    """Return the last text of several lines of each source, such as a mission's table."""
-    last = {one.source: one.text for one in run.events if "\n" in one.text}
-    return "".join(f"<pre tabindex=0>{escape(text)}</pre>" for text in last.values())
 
 
 def _why(run: RunPage) -> str:

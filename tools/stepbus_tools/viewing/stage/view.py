@@ -1,15 +1,12 @@
 """What a page of a recording and one of a live run have in common."""
 
-import contextlib
 import html
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.recording import Recording, layout
-from stepbus_orchestrator.run.result import Result, result_beside
-from stepbus_schemas import BaseState, Detections, EmergencyStop, GripperState, StepbusError
+from stepbus_orchestrator.run.result import Result
+from stepbus_schemas import BaseState, Detections, EmergencyStop, GripperState
 from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.scene import Messages, Scene
@@ -175,13 +172,6 @@ def listed(marks: Sequence[Mark], most: int) -> str:
         for mark in marks[-most:]
     )
     return f'<ul class="lines">{rows or "<li>nothing yet</li>"}</ul>'
-
-
-def result_in(folder: Path) -> Result | None:
-    """Return the result of the run in a folder; None where there is none."""
-    with contextlib.suppress(StepbusError, OSError), Recording(folder / layout.RUN_FILE) as run:
-        return result_beside(run)
-    return None
 
 
 def failure_banner(result: Result | None, run: str = "") -> str:
