@@ -106,7 +106,7 @@ _KILO = "NJVAW"
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """Return by what to multiply numbers up to a size, and the unit they have then."""
+    """Return the factor and the prefixed unit for numbers up to a size."""
     size = abs(largest)
     if _TAKES.match(unit) and size > 0 and math.isfinite(size):
         for factor, prefix in _PREFIXES:
@@ -143,7 +143,7 @@ def png_figure(picture: bytes, caption: str, background: str = "") -> str:
 
 
 def figure(pixels: NDArray[np.uint8], caption: str, background: str = "") -> str:
-    """Return a picture with its caption; pixels: shape (rows, columns, 3), or 4 with what covers.
+    """Return a picture with its caption, as HTML; pixels: shape (rows, columns, 3 or 4 with alpha).
 
     Raises ExtraMissing without Pillow.
     """

@@ -94,7 +94,7 @@ def _run_point(
 
 
 def _check(bundle: Bundle) -> None:
-    """Load what runs need, in a process of Ray; raises MetricFailed as `Trials`."""
+    """Load a bundle in a process of Ray; raises MetricFailed as `Trials`."""
     with Trials(bundle, keep="none", home=None):
         pass
 
@@ -207,7 +207,7 @@ class Pool:
         return self._run.remote(self._stored, task.point, self._options, temporary)
 
     def _done(self, task: _Task, reference: Any) -> Done | None:
-        """Return what became of a task; None if it has to run again."""
+        """Return the row and files of a finished task; None if it has to run again."""
         errors, limit_s = self._ray.exceptions, self._options.timeout_s
         try:
             answer = self._ray.get(reference)

@@ -1,4 +1,4 @@
-"""Who may read what a view's server sends: browsers of this machine that have its address."""
+"""Access to the server of a view: only requests with its token, from pages of this server."""
 
 import atexit
 import errno

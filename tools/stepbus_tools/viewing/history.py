@@ -99,7 +99,7 @@ def mark_of(source: str, t: float, message: object) -> Mark | None:
 
 
 def _faults(recording: Recording, result: Result | None) -> Iterator[Mark]:
-    """Yield the faults of the scenario, by what its own form of them says."""
+    """Yield a mark for each injected fault."""
     planned = recording.metadata.get(layout.FAULTS_METADATA, {}).values()
     step_ns = result.step_ns if result else History(recording).step_ns
     for text in dict.fromkeys([*planned, *(result.faults if result else ())]):

@@ -34,7 +34,7 @@ _START_S = 600.0
 _LAST_S = 0.2
 """What a browser takes to be told the last."""
 _RESULT_S = 5.0
-"""What a run takes from the end of its recording to its result."""
+"""How long a run may take from the end of its recording to its result [s]."""
 _CHART_S = 0.25
 _WORDS_S = 0.5
 _RATE_S = 2.0
@@ -48,7 +48,7 @@ _BYTES = 2 * 1024 * 1024
 
 
 class LivePage:
-    """A run on a page: its scene, its curves, its participants, and what can be asked of it.
+    """A live run on a page: its scene, curves, participants and controls.
 
     server: of viser. tail: of its recording, which has its first messages. client: of the run.
     """
@@ -89,7 +89,7 @@ class LivePage:
         self.turn(self._tail.poll() or is_new)
 
     def turn(self, is_new: bool) -> None:
-        """Show what is new."""
+        """Update the page; is_new: whether messages have been recorded since the last turn."""
         now = time.monotonic()
         if is_new:
             messages = self._latest(self._view.topics)
@@ -115,12 +115,12 @@ class LivePage:
             self._controls.update(self._view.stopped or self._stopped_by_call)
 
     def _latest(self, topics: Iterable[str]) -> Messages:
-        """Return the newest message of each port that has one to read."""
+        """Return topic → newest message, for ports with a readable message."""
         rows = ((topic, self._tail.latest(topic)) for topic in topics)
         return {topic: Latest(*row) for topic, row in rows if row is not None}
 
     def end(self, *, has_failed: bool) -> None:
-        """Say that the run has ended, and take off what would no longer act."""
+        """Show that the run has ended, and hide the controls."""
         self._view.status.content = "**failed**" if has_failed else "**ended**"
         self._controls.end()
 
@@ -148,7 +148,7 @@ class LivePage:
         return (self._tail.step_ns or 1_000_000_000) * 1e-9
 
     def _decoded(self, topic: str, data: bytes) -> object:
-        """Return a message or a recorded call; None for one that cannot be read."""
+        """Return a decoded message or recorded call; None if it cannot be read."""
         with contextlib.suppress(StepbusError):
             is_call = topic == layout.CALLS_TOPIC
             return _decode_call(data) if is_call else self._tail.decode(topic, data)
@@ -191,7 +191,7 @@ class Points:
         self._rows: dict[tuple[str, str], deque[tuple[int, list[float]]]] = {}
 
     def add(self) -> None:
-        """Keep what is new."""
+        """Keep the newest message of each port."""
         for topic, kept in self._kept.items():
             newest = self._tail.newest(topic)
             if newest is not None and (not kept or newest[0] > kept[-1][0]):

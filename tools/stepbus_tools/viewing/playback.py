@@ -126,7 +126,7 @@ class Playback:
         self.view.offer_signals(self._history.at(topics, self._history.end_ns))
 
     def _find(self, path: Path, other: Path | None = None) -> None:
-        """Find what happened in a recording, and where another one parts from it."""
+        """Collect the events of a recording, and its first divergence from another."""
         with Recording(path) as recording:
             events, _ = read_timeline(recording, result_beside(recording))
             if calls := recording.ports.get(layout.CALLS_TOPIC):
@@ -212,7 +212,7 @@ class Playback:
         self._t_ns = min(max(0, t_ns), self._history.end_ns)
 
     def _mark(self) -> None:
-        """Show what has been found since."""
+        """Show the marks found in the background."""
         self._marks = self._found
         self.jumps = {mark.label: self._step_at(mark.t) for mark in self._marks}
         self._jump.options = (_JUMP, *self.jumps)
@@ -224,7 +224,7 @@ class Playback:
     # --- time -----------------------------------------------------------------------------
 
     def turn(self, elapsed_s: float) -> None:
-        """Go on by the time since the last turn [s], and show what is new."""
+        """Advance by the time since the last turn [s], and update the page."""
         if self._marks is not self._found:
             self._mark()
         if self.is_playing:

@@ -1,4 +1,4 @@
-"""What a page says of its runs first: verdict, failure, figures, and how several differ."""
+"""The head of a report: verdict, failure, figures, and the comparison of several runs."""
 
 import os
 import re
@@ -63,7 +63,7 @@ def _cells(rows: Iterator[tuple[str, str]]) -> str:
 
 
 def figures(run: RunPage) -> Iterator[tuple[str, str]]:
-    """Yield the figures that matter: name and text. Among several runs they are in one table."""
+    """Yield (name, text) of each figure. Several runs have them in one table."""
     result = run.result
     if result is None:
         yield "last step", str(run.last_step)
@@ -154,7 +154,7 @@ _ADVICE = {
 
 
 def failure_html(run: RunPage, result: Result) -> str:
-    """Return where and why a run failed, and what to do next."""
+    """Return place and reason of a failure and the next steps, as HTML."""
     code = ExitCode(result.exit_code)
     place = f"step {result.at_step}, t = {result.at_step * result.step_ns * 1e-9:.3f} s"
     blamed = f"{result.participant} failed" if result.participant else "It failed"

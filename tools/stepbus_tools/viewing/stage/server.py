@@ -36,7 +36,7 @@ def branded(page: str, title: str) -> str:
 
 
 def with_front(process: Process, title: str) -> Process:
-    """Return what answers as viser's server does, but with our title, style and script."""
+    """Return viser's request handler with our title, style and script in its page."""
 
     @cache
     def front(body: bytes) -> bytes:

@@ -190,7 +190,7 @@ class Ghosts:
         return bool(self._meshes)
 
     def show(self, *, visible: bool) -> None:
-        """Show those that differ from what is measured, or none."""
+        """Show or hide the ghost meshes (reference poses)."""
         self._visible = visible
         for name in self._meshes:
             self._apply(name)
@@ -296,7 +296,7 @@ class _Camera:
 
 
 def free_part(width: int, height: int) -> Part:
-    """Return what the controls leave free of a page."""
+    """Return the part of a page beside the controls."""
     if width < height:
         return (-_MARGIN, _MARGIN), (2 * _COVERED - 1 + (1 - _MARGIN), _MARGIN)
     right = max(0.0, 1 - 2 * _PANEL_PX / max(1, width))

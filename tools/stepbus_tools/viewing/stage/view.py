@@ -1,4 +1,4 @@
-"""What a page of a recording and one of a live run have in common."""
+"""The common part of the pages of a recording and of a live run."""
 
 import html
 from collections import Counter
@@ -74,7 +74,7 @@ class View:
             gui.add_html(f'<ul class="lines">{rows}</ul>')
 
     def show(self, messages: Messages, past: Past | None = None) -> None:
-        """Show what messages say: of each port the newest one. past: as of `Overlays.show`."""
+        """Show the newest message of each port. past: as of `Overlays.show`."""
         with self._server.atomic():
             self.stage.move(self.stage.scene.poses(messages))
             self._overlays.show(messages, past)
@@ -107,7 +107,7 @@ class View:
 
 
 def stop_banner(stopped: str) -> str:
-    """Return what says that the robot has been stopped, as HTML; a style draws its frame."""
+    """Return the banner of an emergency stop, as HTML; empty if not stopped."""
     if not stopped:
         return ""
     return f'<div class="stopped" role="alert"><b>Emergency stop</b>{html.escape(stopped)}</div>'
@@ -175,7 +175,7 @@ def listed(marks: Sequence[Mark], most: int) -> str:
 
 
 def failure_banner(result: Result | None, run: str = "") -> str:
-    """Return that and why a run failed, as HTML; nothing of one that did not. run: its name."""
+    """Return the banner of a failed run with its reason, as HTML; else empty. run: its name."""
     if result is None or not result.exit_code:
         return ""
     who, why = html.escape(f"{run} failed".strip()), html.escape(result.cause or result.reason)
