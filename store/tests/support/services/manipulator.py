@@ -116,7 +116,7 @@ class Stage:
             self.arm.take_plan(self._plan, self.t)
             self._plan = None
         log.outcome = self.arm.check(self.q, self.v, self.t)
-        request = self.arm.request()
+        request = self.arm.queries.pop()
         if request is not None:
             self.requests.append(request)
             self._plan = self._answer(request) if self._answer else None
