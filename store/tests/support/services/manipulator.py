@@ -68,8 +68,7 @@ def pose_goal(kind: str, position: Any, rotation: Any = DOWN.rotation, **fields:
         id=0,
         type=kind,  # type: ignore[arg-type]
         position=tuple(float(x) for x in position),  # type: ignore[arg-type]
-        orientation=(turn.x, turn.y, turn.z, turn.w),
-        **{"tip": "tool0", **fields},
+        **{"tip": "tool0", "orientation": (turn.x, turn.y, turn.z, turn.w), **fields},
     )
 
 
