@@ -31,7 +31,7 @@ from stepbus_store.motion.manipulator.planner_search import (
 from stepbus_store.motion.manipulator.routes import DetourRouter
 from stepbus_store.motion.outcome import Outcome, Refused
 from stepbus_store.motion.player import MotionPlayer, planned
-from stepbus_store.motion.trajectory import AlongPath, Rest, Trajectory
+from stepbus_store.motion.trajectory import Rest, Trajectory, along_path
 
 from .links import Links
 from .settling import JamWatch, SettleWatch
@@ -233,7 +233,7 @@ class Manipulator:
         return self._fitted(parts, search.goal.duration)
 
     def _along(self, candidate: Candidate) -> list[Trajectory]:
-        return [AlongPath(path, self._options.tip_limits) for path in candidate.paths]
+        return [along_path(path, self._options.tip_limits) for path in candidate.paths]
 
     def _fitted(self, parts: list[Trajectory], duration: float) -> list[Trajectory]:
         share = self._options.effort_share
@@ -293,7 +293,7 @@ class Manipulator:
             float(self._limits.acceleration.min()),
             float(self._limits.jerk.min()),
         )
-        self._then([fitted(AlongPath(joint_path(points), slow), self._robot, self._limits)])
+        self._then([fitted(along_path(joint_path(points), slow), self._robot, self._limits)])
         # Slow by itself, and it leads away from what the robot has touched.
         self._player.ignores_scale = self._backs_off = True
         return length
