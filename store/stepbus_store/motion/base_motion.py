@@ -17,7 +17,6 @@ from stepbus_store.motion.base_segments import (
     Segment,
     straight,
     turn_by,
-    wrapped,
 )
 from stepbus_store.motion.base_tracking import (
     TrackingError,
@@ -30,6 +29,7 @@ from stepbus_store.motion.joint_motion import JointMotion, Motion, motion_to, st
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.outcome import Outcome
 from stepbus_store.motion.route import base_route
+from stepbus_store.poses import wrapped
 
 _BACK_TURN = 0.3
 """A turn backs off by the angle whose arc at this radius is the distance to back off [m]."""

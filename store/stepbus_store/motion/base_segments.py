@@ -11,6 +11,7 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import BaseState, Point
+from stepbus_store.poses import wrapped
 
 LEAST_ARC = 1e-3
 """Distance of two poses below which the base turns on the spot [m]."""
@@ -132,11 +133,6 @@ Segment = Turn | Curve
 
 PlannedSegment = Callable[[BaseState], Segment | None]
 """Makes a segment from the base's pose at its start; None: it has no length."""
-
-
-def wrapped(angle: float) -> float:
-    """Return the same angle between -π and π [rad]."""
-    return math.remainder(angle, 2 * math.pi)
 
 
 def straight(length: float) -> PlannedSegment:
