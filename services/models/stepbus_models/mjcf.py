@@ -154,12 +154,13 @@ class _Reader:
         root: number of the root body; where it is not the world, geoms of the world are left out.
         """
         model, joints = self._model, self._joint_names
-        nonlinear = np.flatnonzero(model.jnt_stiffnesspoly.any(axis=1))
+        bends = model.jnt_stiffnesspoly.any(axis=1) | (model.jnt_springyield > 0)
+        bends |= model.dof_dampingpoly[model.jnt_dofadr].any(axis=1)
         active = set(np.flatnonzero(model.eq_active0)) - {row for row, *_ in self._couplings()}
         equalities = self._names("equality", model.neq)
         return {
             "ball joints": [joints[n] for n in range(model.njnt) if self._type(n) == "ball"],
-            "nonlinear springs of joints": [joints[n] for n in nonlinear],
+            "nonlinear springs and dampers of joints": [joints[n] for n in np.flatnonzero(bends)],
             "tendons": self._names("tendon", model.ntendon),
             "constraints": [equalities[n] for n in sorted(active)],
             "shapes": self._odd_shapes,

@@ -236,7 +236,8 @@ BALL = '<body><joint name="b" type="ball"/><geom size=".1"/></body>'
     ("text", "left_out"),
     [
         (part(body=BALL), "ball joints (b)"),
-        (part(joint='stiffness="5 1"'), "nonlinear springs of joints (hinge)"),
+        (part(joint='stiffness="5 1"'), "nonlinear springs and dampers of joints (hinge)"),
+        (part(joint='damping="5 1"'), "nonlinear springs and dampers of joints (hinge)"),
         (part(SPRING), "tendons (t)"),
         (part('<equality><weld name="w" body1="arm"/></equality>'), "constraints (w)"),
         (part(body='<geom type="ellipsoid" size=".1 .2 .3"/>'), "shapes (ellipsoid of arm)"),
