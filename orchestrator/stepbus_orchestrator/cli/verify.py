@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.diff import diff
-from stepbus_orchestrator.analysis.verify import TrialResult, Verification, plan, verify
+from stepbus_orchestrator.analysis.verify import TrialResult, Verification, verify
 from stepbus_orchestrator.cli.commands import Verify
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import Display, displayed
@@ -22,11 +22,12 @@ _SHOWN_HASH = 12
 def verify_command(given: Verify) -> Answer:
     """Run the scenario under each condition, and return whether all recordings are equal."""
     loaded = load(given.scenario, given.set)
-    count = len(plan(loaded, given.runs, given.seed, in_process=can_host()))
     with (
-        displayed(f"verify {loaded.name}", quiet=given.json, runs=count) as display,
+        displayed(f"verify {loaded.name}", quiet=given.json) as display,
         interruptible() as interrupt,
-        warm_parent([spec.participant for spec in loaded.participants], runs=count),
+        warm_parent(
+            [spec.participant for spec in loaded.participants], runs=given.runs + can_host()
+        ),
     ):
         watcher = None if display is None else _Trials(display)
         verification = verify(
@@ -55,7 +56,6 @@ class _Trials(Observer):
     def result(self, trial: TrialResult, count: int) -> None:
         """Show what became of a run."""
         self._display.say(_line(trial, count))
-        self._display.next_run()
 
 
 def _answer(

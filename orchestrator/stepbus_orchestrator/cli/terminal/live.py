@@ -141,8 +141,7 @@ def open_screen(stream: IO[str], below: Sequence[str] = ()) -> Lines | Bar:
 class Display(Observer):
     """Shows on a screen how far a run is, and how fast it is now, and what it reports.
 
-    degrees: with the angles of all joints. runs: how many there are, one after the other.
-    has_progress: otherwise it shows sentences only.
+    degrees: with the angles of all joints. has_progress: otherwise it shows sentences only.
     """
 
     def __init__(
@@ -151,15 +150,12 @@ class Display(Observer):
         title: str,
         *,
         degrees: bool = False,
-        runs: int = 1,
         has_progress: bool = True,
     ) -> None:
         self._screen = screen
         self._title = title
         self._degrees = degrees
-        self._runs = runs
         self._has_progress = has_progress
-        self._run = 1
         self._newest: deque[Progress] = deque(maxlen=_REPORTS)
         self.say = screen.say
         """Show a line, above the bar if there is one."""
@@ -174,24 +170,18 @@ class Display(Observer):
         where = who if step < 0 else f"{who} at step {step}"
         self.say(f"{level}: {where}: {text}")
 
-    def next_run(self) -> None:
-        """Take the progress of the next run from now on."""
-        self._run += 1
-        self._newest.clear()
-
     def reached(self, progress: Progress) -> Reached:
         """Return how far the run is, by its newest report."""
         rate = self._rate(progress)
-        steps = progress.steps or 0
-        done, total = (self._run - 1) * steps + progress.step, self._runs * steps
+        left = (progress.steps or 0) - progress.step
         factor = rate * progress.step_ns * 1e-9
         return Reached(
             title=self._title,
-            what=_what(progress) + f", run {self._run} of {self._runs}" * (self._runs > 1),
-            done=done,
-            total=total or None,
+            what=_what(progress),
+            done=progress.step,
+            total=progress.steps,
             rate=f"{factor:{'.1f' if factor >= 1 else '.2g'}} × real time" if rate else "",
-            left_s=(total - done) / rate if rate and total else None,
+            left_s=left / rate if rate and progress.steps else None,
             is_paused=progress.phase == "paused",
             note=_note(progress, degrees=self._degrees),
         )
@@ -217,13 +207,12 @@ def displayed(
     degrees: bool = False,
     invites: bool = False,
     keys: bool = False,
-    runs: int = 1,
 ) -> Iterator[Display | None]:
     """Yield the display for where stdout goes.
 
     plain: a debugger has it. quiet: there is none. degrees: it shows the angles of all joints.
     invites: even so, sentences go to stderr: the user has to read what the run waits for. keys:
-    it shows which keys control the run. runs: how many there are; `next_run` tells them apart.
+    it shows which keys control the run.
     """
     if quiet and not invites:
         yield None
@@ -233,7 +222,7 @@ def displayed(
     stream = sys.stderr if quiet else sys.stdout
     screen = Lines(stream) if is_plain else open_screen(stream, (HELP,) if keys else ())
     with contextlib.closing(screen):
-        yield Display(screen, title, degrees=degrees, runs=runs, has_progress=not is_plain)
+        yield Display(screen, title, degrees=degrees, has_progress=not is_plain)
 
 
 def _note(progress: Progress, *, degrees: bool) -> str:

@@ -124,7 +124,10 @@ class Answer(NamedTuple):
             if isinstance(line, str):
                 say(line)
             else:
-                _print_table(line)
+                from rich.console import Console  # noqa: PLC0415  (most commands have none)
+
+                # One that goes to a file or a pipe is not folded to the width of a terminal.
+                Console(width=None if sys.stdout.isatty() else _PLAIN_COLUMNS).print(line)
         return self.code
 
 
@@ -137,10 +140,3 @@ def table(*columns: str, right: Collection[str] = ()) -> "Table":
     for column in columns:
         made.add_column(column, justify="right" if column in right else "left", overflow="fold")
     return made
-
-
-def _print_table(table: object) -> None:
-    from rich.console import Console  # noqa: PLC0415  (most commands have none)
-
-    # One that goes to a file or a pipe is not folded to the width of a terminal.
-    Console(width=None if sys.stdout.isatty() else _PLAIN_COLUMNS).print(table)
