@@ -59,7 +59,7 @@ EXTRAS: Mapping[str, Use] = {
             "stepbus export run.mcap --foxglove f.mcap",
             "stepbus export run.mcap --ros2 r.mcap",
             "python frame.py",
-            "python -c 'import av, websockets'",
+            "python -c 'import av'",
         ),
         writes=("all.csv", "tables", "f.mcap", "r.mcap"),
     ),
@@ -75,6 +75,9 @@ EXTRAS: Mapping[str, Use] = {
         extras="sweep",
         commands=(f"stepbus sweep scenario.yaml {GAINS} --metric final.py:final --out swept",),
         writes=("swept/results.parquet", "swept/report.html"),
+    ),
+    "cluster": Use(
+        extras="cluster", commands=("python -c 'import stepbus_tools.sweep.ray_workers, ray'",)
     ),
     "gym": Use(extras="gym", commands=("python episode.py",)),
 }

@@ -61,7 +61,7 @@ def sweep(
     on_progress: called with the progress. interrupt: as in `run`.
 
     Raises ScenarioError or WiringError with every problem, RecordingFailed when the folder contains
-    another sweep or cannot be written, StartFailed when Ray does not start, Interrupted.
+    another sweep or cannot be written, StartFailed when the workers do not start, Interrupted.
     """
     given = {
         "set": override_texts(set),

@@ -104,13 +104,6 @@ def parts() -> list[Case]:
             for world, steps in worlds
             for engine in ("pybullet", "mujoco")
         ),
-        *(
-            _stepbus(
-                f"camera, latency {latency or 'none'}{word}", steps=300, latency=latency, **how
-            )
-            for word, how in (("", {}), (", in one process", {"in_process": True}))
-            for latency in ("", "160ms", "288ms")
-        ),
     ]
 
 

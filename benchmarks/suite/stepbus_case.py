@@ -4,7 +4,7 @@
 
 SPEC: JSON with window, overrides, in_process, recorded, and for participants that only pass on
 messages: participants, fan_out and fan_in (relays side by side), joints, image, record (of the
-image), bridge, rust; or, for the store, latency: of a camera that takes a picture every 12 steps.
+image), bridge, rust.
 """
 
 import contextlib
@@ -17,13 +17,11 @@ import tempfile
 import threading
 from dataclasses import replace
 from importlib import import_module
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
 import msgspec
 from mcap.reader import make_reader
-from ruamel.yaml import YAML
 
 from stepbus_orchestrator.recording.timing import StepTiming
 from stepbus_orchestrator.run.run_scenario import Options, host_of
@@ -38,8 +36,6 @@ _SAMPLE_S = 0.1
 
 def scenario_of(spec: dict[str, Any], folder: Path) -> str:
     """Return the path of the scenario that a specification asks for, made where it is no arm."""
-    if "latency" in spec:
-        return _store(folder / "store", spec["latency"])
     if not {"participants", "fan_out", "fan_in", "joints", "image", "bridge", "rust"} & spec.keys():
         return "two_link"
     shutil.copy(ECHO / "echo.py", folder)
@@ -97,24 +93,6 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
         json.dumps({"name": "echo", "step": "5ms", "duration": "20s", "participants": rows})
     )
     return str(path)
-
-
-def _store(folder: Path, latency: str) -> str:
-    """Return a store whose camera takes a picture every 192 ms, by itself; raises KeyError."""
-    with as_file(files("stepbus_store") / "scenarios/store") as source:
-        shutil.copytree(source, folder)
-    yaml = YAML()
-    scenario, world = (yaml.load(folder / name) for name in ("scenario.yaml", "world.yaml"))
-    participants = scenario["participants"]
-    del participants["plant"]["inputs"]["camera"]
-    del participants["perception"]["inputs"]["request"]
-    camera = world["cameras"]["camera"]
-    camera["period"] = "192ms"
-    if latency:
-        camera["latency"] = latency
-    yaml.dump(scenario, folder / "scenario.yaml")
-    yaml.dump(world, folder / "world.yaml")
-    return str(folder / "scenario.yaml")
 
 
 def _relay(source: str) -> dict[str, Any]:

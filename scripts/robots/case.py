@@ -137,7 +137,7 @@ class Case:
             poses, theirs = sensor.sense(), self.library.poses(q)
             turns = [pin.Quaternion(np.array(turn)).normalized() for turn in poses.orientation]
             seen = zip(sensor.names, zip(poses.position, turns, strict=True), strict=True)
-            torque = self.library.projected(self.library.gravity(q))
+            torque = self.library.projected(self.library.holding(q))
             row = {
                 "mimic": max(slips, default=0.0),
                 "poses": apart(theirs, {name: (p, turn.matrix()) for name, (p, turn) in seen}),

@@ -11,8 +11,8 @@ from typing import Any
 
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.processes.child import Process as RunProcess
-from stepbus_orchestrator.run.extension import RunView
-from stepbus_orchestrator.run.host import Opening, Strategy
+from stepbus_orchestrator.run.extension import RunView, Strategy
+from stepbus_orchestrator.run.folder import LOGS_FOLDER
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import (
@@ -126,11 +126,11 @@ class SimulatedHost:
         """Do nothing: every scenario runs here."""
 
     @contextlib.contextmanager
-    def open(self, opening: Opening) -> Iterator[tuple[Bus, Strategy]]:
+    def open(self, run: RunView) -> Iterator[tuple[Bus, Strategy]]:
         """Open the bus; end all participants at the end."""
         node = Node(self.network, self.orchestrator, is_center=True)
         try:
-            yield node, _Launch(self, opening)
+            yield node, _Launch(self, run)
         finally:
             node.close()
             if not self.orchestrator.is_dead:
@@ -141,9 +141,9 @@ class SimulatedHost:
 class _Launch(Strategy):
     """The strategy of a simulated run."""
 
-    def __init__(self, host: SimulatedHost, opening: Opening) -> None:
+    def __init__(self, host: SimulatedHost, run: RunView) -> None:
         self._host = host
-        self._opening = opening
+        self._run = run
 
     def launch(self, run: RunView) -> None:
         """Start all participants."""
@@ -155,9 +155,9 @@ class _Launch(Strategy):
             options.pop("has_terminal", None)
             folder = options.pop("folder", scenario.folder)
             ticket = Ticket(
-                run=self._opening.run,
+                run=self._run.key,
                 name=spec.name,
-                token=self._opening.token,
+                token=self._run.token,
                 endpoint=Endpoint(listen=[], connect=["the simulation"]),
                 join_timeout_s=spec.deadlines.join_s,
                 protocols=SPOKEN,
@@ -172,7 +172,7 @@ class _Launch(Strategy):
         host, name = self._host, ticket.name
 
         def work() -> int:
-            node = Node(host.network, process, is_leaf=self._opening.is_star)
+            node = Node(host.network, process, is_leaf=self._run.is_star)
             HOST.set(Host(ticket, node))
             try:
                 code = main(host.wrap(name, factory))
@@ -184,7 +184,9 @@ class _Launch(Strategy):
             return host.lies.get(name, code)
 
         process = Process(host.world, name, work)
-        participant = SimulatedParticipant(process, pid, self._opening.logs / f"{name}.log")
+        participant = SimulatedParticipant(
+            process, pid, self._run.out / LOGS_FOLDER / f"{name}.log"
+        )
         process.print = participant
         host.participants[name] = participant
         process.start(host.start_ns.get(name, _START_NS))

@@ -1,7 +1,7 @@
 """A mission that sends goals to a controller, one after the other."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated
 
 import msgspec
@@ -18,7 +18,6 @@ from stepbus_participant import (
     Text,
     Vector3,
 )
-from stepbus_participant.parameters import Keys
 from stepbus_schemas import (
     Event,
     Goal,
@@ -29,9 +28,6 @@ from stepbus_schemas import (
     RunError,
     Spiral,
 )
-
-_WITH_POSE = ("move_to_pose", "move_linear", "spiral")
-_WITH_JOINTS = ("move_joints", "back_to_rest")
 
 
 class SpiralSettings(Settings):
@@ -76,28 +72,6 @@ class GoalSettings(Settings):
     """For `grip`: target distance between the pads [m]."""
     force: NonNegative = 0.0
     """For `grip`: maximum force of each finger [N]."""
-
-    def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield the missing fields of this type of goal, and a type that cannot be executed."""
-        if self.type == "go_together":
-            text = (
-                "go_together waits for a goal of the arm, but this mission sends that only "
-                "afterwards; use go_to"
-            )
-            yield ("type",), text
-        rests_at_pose = self.position is not None and bool(self.tip)
-        is_placed = self.type == "back_to_rest" and rests_at_pose
-        needs = {
-            "position": self.type in _WITH_POSE and self.position is None,
-            "tip": self.type in _WITH_POSE and not self.tip,
-            "spiral": self.type == "spiral" and self.spiral is None,
-            "joints": self.type in _WITH_JOINTS and not (self.joints or is_placed),
-            "base": self.type == "go_to" and self.base is None,
-            "force": self.type == "grip" and not self.force,
-        }
-        for key, is_missing in needs.items():
-            if is_missing:
-                yield (key,), f"is missing; a goal of type {self.type} needs it"
 
     def goal(self, number: int) -> Goal:
         """Return the goal with an id."""

@@ -21,9 +21,8 @@ from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
-from stepbus_orchestrator.run.bus import Session
+from stepbus_orchestrator.run.extension import Strategy
 from stepbus_orchestrator.run.extensions.calls import Calls
-from stepbus_orchestrator.run.host import Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.load import load
@@ -59,10 +58,10 @@ class Stand:
         self.bus = HandBus()
         self.recorder = Recorder(McapFile(folder / "run.mcap"), list(specs), scenario.step_ns)
         self.timing = TimingRecorder(folder / "timing.mcap", time)
-        self.session = Session(scenario, self.bus, TOKEN)
-        self.loop = Run(
-            self.session, Strategy(), self.recorder, self.timing, out=folder, extensions=[Calls()]
-        )
+        self.loop = Run(scenario, self.recorder, self.timing, out=folder, extensions=[Calls()])
+        self.loop.token = TOKEN
+        self.loop.attach(self.bus, Strategy())
+        self.session = self.loop.session
         self.loop.state.participants = {
             spec.name: ParticipantState(spec, Child()) for spec in specs
         }
@@ -85,7 +84,7 @@ class Stand:
         return phases, dict(self.loop.state.barrier.reported), self.loop.state.end
 
     def close(self):
-        self.session.announcer.close()
+        self.session.close()
         self.recorder.abort()
         self.timing.close()
 

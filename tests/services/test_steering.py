@@ -117,15 +117,11 @@ def test_a_joint_goes_to_its_target_without_a_jump_and_stays(tmp_path):
     assert found.position[:, 1] == pytest.approx([math.cos(x) for x in t])
 
 
-def test_a_target_without_a_time_is_there_at_once(tmp_path):
-    found = reference(steered(tmp_path / "out", ("mission", "set_target", "joint2", 0.2)))
+@pytest.mark.parametrize(("target", "position"), [(0.2, 0.2), ("-30deg", math.radians(-30))])
+def test_a_target_without_a_time_is_there_at_once(tmp_path, target, position):
+    found = reference(steered(tmp_path / "out", ("mission", "set_target", "joint2", target)))
     assert found.position[AT - 1][1] == pytest.approx(math.cos((AT - 1) * 0.005))
-    assert (found.position[AT:, 1] == 0.2).all()
-
-
-def test_a_target_may_be_in_degrees(tmp_path):
-    found = reference(steered(tmp_path / "out", ("mission", "set_target", "joint2", "-30deg")))
-    assert found.position[AT][1] == math.radians(-30)
+    assert (found.position[AT:, 1] == position).all()
 
 
 def test_a_joint_follows_the_task_again(tmp_path):

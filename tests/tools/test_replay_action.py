@@ -149,7 +149,7 @@ def test_a_recorded_participant_named_like_a_path_is_refused_and_no_file_is_touc
     (tmp_path / "new.mcap").write_text("keep")
     file = McapFile(tmp_path / "run.mcap")
     rows = "participants: {'/../../..': {exec: [python]}}"
-    file.attach("scenario.yaml", "text/plain", rows.encode())
+    file.attach("scenario.yaml", rows.encode())
     file.close()
     code, log, summary, _ = act(tmp_path, recordings="run.mcap")
     assert (code, (tmp_path / "new.mcap").read_text()) == (1, "keep")

@@ -1,16 +1,16 @@
 """Which numbers a message type holds: what of it fits into a vector."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
-from msgspec import inspect
 
-from stepbus_schemas import Message
+from stepbus_schemas import Message, parts_of, row_of
 
-_NUMBERS = (inspect.FloatType, inspect.IntType, inspect.BoolType)
+_NUMBERS = ("float", "int", "bool")
 SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "N·m": "N"}
 """Unit of a joint that turns → of one that slides."""
 
@@ -37,73 +37,60 @@ class Field:
 class Form:
     """What one field of a message type may hold.
 
-    sizes: of an array; `n`: one for each name of the port's description. is_number: whether it
-    holds numbers, or truth values. unit: of the type.
+    scalar: type of an entry, as a declaration names it; empty: it is nested. sizes: of an array;
+    `n`: one for each name of the port's description. unit: of the type. words: allowed ones.
     """
 
     name: str
-    sizes: tuple[int | str, ...]
-    is_number: bool
+    scalar: str
+    sizes: tuple[str, ...]
     is_required: bool
     unit: str
-    words: tuple[Any, ...]
+    words: tuple[str, ...]
 
     @property
     def fits(self) -> bool:
-        """Return whether it always has the same number of numbers."""
-        return self.is_number and all(isinstance(n, int) or n == "n" for n in self.sizes)
+        """Return whether it always has the same number of numbers, or truth values."""
+        return self.scalar in _NUMBERS and all(n.isdigit() or n == "n" for n in self.sizes)
 
     def shape(self, count: int) -> tuple[int, ...]:
         """Return its shape, for so many names."""
-        return tuple(n if isinstance(n, int) else count for n in self.sizes)
+        return tuple(int(n) if n.isdigit() else count for n in self.sizes)
 
     def neutral(self, count: int) -> Any:
         """Return what means as little as possible: zeros, an empty text, the first word."""
         if self.words:
             return self.words[0]
-        if not self.is_number:
+        if self.scalar not in _NUMBERS:
             return [] if self.sizes else ""
         return np.zeros(self.shape(count)).tolist()
 
 
 def forms(cls: type[Message]) -> dict[str, Form]:
     """Return what each field of a message type may hold."""
-    info = inspect.type_info(cls)
-    fields = info.fields if isinstance(info, inspect.StructType) else ()
-    return {field.name: _form(field) for field in fields}
+    _, parts = msgspec.json.schema_components([cls], ref_template="{name}")
+    schema = parts[cls.__name__]
+    required = schema.get("required", [])
+    return {
+        name: _form(name, node, required=name in required)
+        for name, node in schema["properties"].items()
+    }
 
 
-def _form(field: inspect.Field) -> Form:
-    node, extra = _bare(field.type)
-    names = iter(extra.get("shape", ()))
-    sizes: list[int | str] = []
-    while isinstance(node, inspect.TupleType | inspect.ListType | inspect.VarTupleType):
-        size = next(names, "k")
-        if isinstance(node, inspect.TupleType):
-            sizes.append(len(node.item_types))
-            node, _ = _bare(node.item_types[0])
-        else:
-            sizes.append(size)
-            node, _ = _bare(node.item_type)
+def _form(name: str, node: dict[str, Any], *, required: bool) -> Form:
+    try:
+        form = row_of(node, required=required)["type"]
+        scalar, sizes = parts_of(form)
+    except (ValueError, KeyError, TypeError):
+        form, scalar, sizes = "", "", []
     return Form(
-        name=field.name,
+        name=name,
+        scalar=scalar,
         sizes=tuple(sizes),
-        is_number=isinstance(node, _NUMBERS),
-        is_required=field.required,
-        unit=str(extra.get("unit", "")),
-        words=node.values if isinstance(node, inspect.LiteralType) else (),
+        is_required=required,
+        unit=node.get("unit", ""),
+        words=tuple(form) if scalar == "words" else (),
     )
-
-
-def _bare(node: inspect.Type) -> tuple[inspect.Type, Mapping[str, Any]]:
-    """Return a type without its metadata and without None, and the metadata."""
-    extra: Mapping[str, Any] = {}
-    if isinstance(node, inspect.Metadata):
-        extra = node.extra_json_schema or {}
-        node = node.type
-    if isinstance(node, inspect.UnionType):
-        node = next(one for one in node.types if not isinstance(one, inspect.NoneType))
-    return node, extra
 
 
 def entries(shape: tuple[int, ...], names: list[str]) -> Iterator[str]:

@@ -20,10 +20,6 @@ if TYPE_CHECKING:
 
 MARKER = "stepbus_logs"
 FIXTURE = "stepbus_replay"
-_OF_COPIES = (
-    r"ignore:.*multi-threaded, use of fork\(\):DeprecationWarning:stepbus_participant\.copies"
-)
-"""What `stepbus_participant.copies` rules out at import, which pytest undoes for each test."""
 _HELP = (
     f"{MARKER}(pattern, participant): run the test once for each log that matches a pattern such "
     f"as logs/*.mcap, relative to the test's file; the fixture {FIXTURE} replays the participant"
@@ -31,9 +27,8 @@ _HELP = (
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Declare the marker; leave out the warning of a fork that is safe."""
+    """Declare the marker."""
     config.addinivalue_line("markers", _HELP)
-    config.addinivalue_line("filterwarnings", _OF_COPIES)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -11,12 +11,11 @@ from typing import Any, Literal
 
 import msgspec
 import numpy as np
-from msgspec import inspect
 from numpy.typing import NDArray
 
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Batch, Port, PortInfo, Recording
-from stepbus_schemas import MessageError
+from stepbus_schemas import MessageError, parts_of, row_of
 
 ColumnType = Literal[
     "double", "int64", "bool", "string", "binary", "list<double>", "list<int64>", "json"
@@ -29,15 +28,15 @@ LISTS = ("list<double>", "list<int64>")
 Cells = Sequence[Any] | NDArray[Any]
 """The values of one column."""
 
-_SCALARS: Mapping[type, ColumnType] = {
-    inspect.FloatType: "double",
-    inspect.IntType: "int64",
-    inspect.BoolType: "bool",
-    inspect.StrType: "string",
-    inspect.BytesType: "binary",
+_TYPES: Mapping[str, ColumnType] = {
+    "float": "double",
+    "int": "int64",
+    "bool": "bool",
+    "text": "string",
+    "words": "string",
+    "bytes": "binary",
 }
-_LISTED: Mapping[ColumnType | None, ColumnType] = {"double": "list<double>", "int64": "list<int64>"}
-_VECTORS = (inspect.ListType, inspect.TupleType, inspect.VarTupleType)
+_LISTED: Mapping[ColumnType, ColumnType] = {"double": "list<double>", "int64": "list<int64>"}
 _AXES: Mapping[str, Sequence[str]] = {"3": ("x", "y", "z"), "4": ("x", "y", "z", "w")}
 
 
@@ -235,67 +234,42 @@ def limits_of(
 
 def fields_of(port: PortInfo, message_class: type) -> list[Field]:
     """Return the fields of a port's messages, as its description names and measures them."""
-    info: Any = inspect.type_info(message_class)
-    return [_field(port, field.name, field.type) for field in info.fields]
+    _, parts = msgspec.json.schema_components([message_class], ref_template="{name}")
+    schema = parts[message_class.__name__]
+    required = schema.get("required", [])
+    return [
+        _field(port, name, node, required=name in required)
+        for name, node in schema["properties"].items()
+    ]
 
 
-def _field(port: PortInfo, name: str, node: Any) -> Field:
-    about = (node.extra_json_schema or {}) if isinstance(node, inspect.Metadata) else {}
-    unit = port.description.units.get(name, about.get("unit", ""))
-    real = _present(node)
-    form, ends = _scalar(real) or "json", list[str]()
-    if isinstance(real, _VECTORS):
-        shape = about.get("shape", ())
-        number = _number(real)
-        if number is not None:
-            ends = _ends(port, shape) if shape else [f".{i}" for i in range(len(_fixed(real)))]
-        form = number if number and ends else _LISTED.get(_scalar(_item(real)), "json")
+def _field(port: PortInfo, name: str, node: dict[str, Any], *, required: bool) -> Field:
+    try:
+        scalar, sizes = parts_of(row_of(node, required=required)["type"])
+    except (ValueError, KeyError, TypeError):
+        # It is nested, which no declaration can say.
+        scalar, sizes = "", []
+    form, ends = _TYPES.get(scalar, "json"), list[str]()
+    if sizes:
+        is_fixed = any(map(str.isdecimal, sizes))
+        if form in NUMBERS and (form == "double" or not is_fixed):
+            ends = _ends(port, sizes, _AXES if "shape" in node else {})
+        if not ends:
+            form = _LISTED.get(form, "json") if len(sizes) == 1 else "json"
+    unit = port.description.units.get(name, node.get("unit", ""))
     columns = [
-        Column(name=name + end, type=form, unit=unit, text=about.get("description", ""))
+        Column(name=name + end, type=form, unit=unit, text=node.get("description", ""))
         for end in ends or [""]
     ]
     return Field(name=name, columns=columns, is_flat=bool(ends))
 
 
-def _present(node: Any) -> Any:
-    """Return the type of a value that is there, without what is said of it."""
-    while isinstance(node, inspect.Metadata | inspect.UnionType):
-        types = node.types if isinstance(node, inspect.UnionType) else (node.type,)
-        options = [one for one in types if not isinstance(one, inspect.NoneType)]
-        node = options[0] if len(options) == 1 else inspect.AnyType()
-    return node
-
-
-def _scalar(node: Any) -> ColumnType | None:
-    if isinstance(node, inspect.LiteralType):
-        return "string" if all(isinstance(one, str) for one in node.values) else None
-    return _SCALARS.get(type(node))
-
-
-def _fixed(node: Any) -> Sequence[Any]:
-    return node.item_types if isinstance(node, inspect.TupleType) else ()
-
-
-def _item(node: Any) -> Any:
-    return _present(node.item_types[0] if isinstance(node, inspect.TupleType) else node.item_type)
-
-
-def _number(node: Any) -> ColumnType | None:
-    """Return the type of a vector's numbers at any depth; one of a fixed length has floats."""
-    while isinstance(node, _VECTORS):
-        if not all(isinstance(one, inspect.FloatType) for one in _fixed(node)):
-            return None
-        node = _item(node)
-    form = _scalar(node)
-    return form if form in NUMBERS else None
-
-
-def _ends(port: PortInfo, shape: Sequence[str]) -> list[str]:
+def _ends(port: PortInfo, shape: Sequence[str], axes: Mapping[str, Sequence[str]]) -> list[str]:
     """Return what follows the field in the names of its columns; none of a changing length."""
     labels = (
         port.names
         if size == "n"
-        else _AXES.get(size) or [str(i) for i in range(int(size) if size.isdecimal() else 0)]
+        else axes.get(size) or [str(i) for i in range(int(size) if size.isdecimal() else 0)]
         for size in shape
     )
     return ["".join(f".{label}" for label in row) for row in product(*labels)]

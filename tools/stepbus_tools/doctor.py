@@ -32,7 +32,8 @@ EXTRAS = {
     "export": "tables, video, and files for ROS 2 and Foxglove",
     "rerun": "files for Rerun: `export --rerun` (170 MB)",
     "view": "3D: `stepbus view`, `run --view`, `export --scene`",
-    "sweep": "sweeps: tables, report page, optimizer, cluster",
+    "sweep": "sweeps: tables, report page, optimizer",
+    "cluster": "sweeps on a Ray cluster",
     "gym": "Gymnasium environments",
     "docs": "the documentation site",
     "dev": "the tests, the type checker and the linter",
@@ -42,7 +43,7 @@ EXTRAS = {
 _NATIVE = {"pin": "pinocchio", "pybullet": "pybullet", "mujoco": "mujoco"}
 """Package → its module, of those that only participants load."""
 
-_REQUIREMENT = re.compile(r"([\w.-]+)(?:\s*>=\s*([\d.]+))?")
+_REQUIREMENT = re.compile(r"[\w.-]+")
 _PYTHON = re.compile(r'python_version (<|>=) "(\d+)\.(\d+)"')
 _LOAD_DEADLINE_S = 30.0
 _BUS_DEADLINE_S = 15.0
@@ -69,16 +70,15 @@ def examine() -> list[Finding]:
 # --- packages ----------------------------------------------------------------------------------
 
 
-def needed(extra: str = "") -> list[tuple[str, str]]:
-    """Return what stepbus, or one of its extras, needs: packages and the oldest versions that work.
+def needed(extra: str = "") -> list[str]:
+    """Return the packages that stepbus, or one of its extras, needs on this Python.
 
     Raises PackageNotFoundError when stepbus itself is not installed.
     """
     rows = (row.partition(";") for row in requires("stepbus") or [])
-    named = (row for row, _, marker in rows if _applies(marker, extra))
-    matches = [match for match in map(_REQUIREMENT.match, named) if match]
+    matches = [_REQUIREMENT.match(row) for row, _, marker in rows if _applies(marker, extra)]
     # An extra may include another one: `stepbus[sim]`.
-    return [(match[1], match[2] or "") for match in matches if match[1] != "stepbus"]
+    return [match[0] for match in matches if match and match[0] != "stepbus"]
 
 
 def _applies(marker: str, extra: str) -> bool:
@@ -98,26 +98,17 @@ def versions() -> Iterator[Finding]:
     yield Finding("python", "ok", ".".join(map(str, sys.version_info[:3])))
     try:
         yield Finding("stepbus", "ok", version("stepbus"))
-        yield from (_package(*row) for row in (*needed(), *needed("run")))
+        yield from map(_package, (*needed(), *needed("run")))
     except PackageNotFoundError:
         text = "is importable, but not installed; run `pip install -e .` in its clone"
         yield Finding("stepbus", "fail", text)
 
 
-def _package(name: str, oldest: str = "") -> Finding:
-    install = f"run `pip install '{name}{oldest and f'>={oldest}'}'`"
+def _package(name: str) -> Finding:
     try:
-        have = version(name)
+        return Finding(name, "ok", version(name))
     except PackageNotFoundError:
-        return Finding(name, "fail", f"is not installed; {install}")
-    if _numbers(have) < _numbers(oldest):
-        return Finding(name, "fail", f"{have} is too old; {install}")
-    return Finding(name, "ok", have)
-
-
-def _numbers(text: str) -> list[int]:
-    """Return the leading numbers of a version: `3.2.7rc1` is 3, 2, 7."""
-    return [int(part) for part in re.findall(r"(?:^|\.)(\d+)", text)]
+        return Finding(name, "fail", f"is not installed; run `pip install '{name}'`")
 
 
 def loads() -> Iterator[Finding]:
@@ -149,7 +140,7 @@ def extras() -> Iterator[Finding]:
     """Report each extra: what it is for, what is missing, how to install it."""
     with contextlib.suppress(PackageNotFoundError):
         for extra, text in EXTRAS.items():
-            lacking = [row[0] for row in needed(extra) if _package(*row).verdict != "ok"]
+            lacking = [name for name in needed(extra) if _package(name).verdict != "ok"]
             missing = f"; missing {', '.join(lacking)}: `{install_command(extra)}`"
             verdict: Verdict = "warn" if lacking else "ok"
             yield Finding(f"extra {extra}", verdict, text + (missing if lacking else ""))

@@ -1,6 +1,7 @@
 """`stepbus branch`: a recording up to a step, and from there a run with a change."""
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,12 @@ from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.branch import Branch, BranchPlan
-from stepbus_orchestrator.replay.branch_change import Variant, variants
+from stepbus_orchestrator.replay.branch_change import variants
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import WiringError
 
 _PICTURE = "variants.png"
+_UNFIT = re.compile(r"[^A-Za-z0-9._=+-]+")
 
 
 def branch_command(given: commands.Branch) -> Answer:
@@ -34,42 +36,44 @@ def branch_command(given: commands.Branch) -> Answer:
         raise OutputExists(f"{out} is not empty; choose another --out")
     if vary and given.debug:
         raise WiringError("--debug cannot be combined with --vary; choose one value with --set")
-    branches: list[tuple[Variant, Branch]] = []
-    for variant in variants(vary):
+    branches: dict[str, Branch] = {}
+    for name, overrides in variants(vary).items():
         plan = BranchPlan(
             recording,
             given.at,
-            out / variant.folder,
-            [*given.set, *variant.overrides],
+            out / _UNFIT.sub("_", name.replace(", ", ",")),
+            [*given.set, *overrides],
             calls=given.calls,
             faults=given.faults,
             checkpoints=not given.no_checkpoints,
         )
-        done = _run(plan, variant, given)
-        branches.append((variant, done))
+        done = branches[name] = _run(plan, name, given)
         if vary and not given.json:
-            _say_variant(variant, done)
+            if done.result.exit_code:
+                print_error(f"{name}: {done.result.reason}")
+            end = f"{done.result.outcome} after {done.result.steps} steps"
+            say(f"{name}: {end}, {done.result.recording}")
         if done.result.exit_code == ExitCode.INTERRUPTED:
             break
     if not vary:
         return _answer(done, is_changed=is_changed, has_plots=not given.no_report)
     picture = None if given.no_report else _picture(recording, out, branches, given.plot)
-    rows = branches if given.json else ()
+    rows = branches.items() if given.json else ()
     return Answer(
         value={
-            "variants": [{"variant": v.name, **_fields(b, _difference(b))} for v, b in rows],
+            "variants": [{"variant": v, **_fields(b, _difference(b))} for v, b in rows],
             "picture": picture,
         },
         lines=[] if picture is None else [f"picture   {picture}"],
-        code=max(branch.result.exit_code for _, branch in branches),
+        code=max(branch.result.exit_code for branch in branches.values()),
     )
 
 
-def _run(plan: BranchPlan, variant: Variant, given: commands.Branch) -> Branch:
+def _run(plan: BranchPlan, variant: str, given: commands.Branch) -> Branch:
     if not given.json:
         for note in plan.notes:
             say(f"note: {note}")
-    which = variant.name and f", {variant.name}"
+    which = variant and f", {variant}"
     title = f"{plan.scenario.name} from step {plan.at}{which}"
     with (
         displayed(title, quiet=given.json, plain=bool(given.debug)) as display,
@@ -142,21 +146,14 @@ def _fields(branch: Branch, difference: Diff | None) -> dict[str, Any]:
     }
 
 
-def _say_variant(variant: Variant, branch: Branch) -> None:
-    result = branch.result
-    if result.exit_code:
-        print_error(f"{variant.name}: {result.reason}")
-    say(f"{variant.name}: {result.outcome} after {result.steps} steps, {result.recording}")
-
-
 def _picture(
-    recording: Path, out: Path, branches: Sequence[tuple[Variant, Branch]], signals: Sequence[str]
+    recording: Path, out: Path, branches: Mapping[str, Branch], signals: Sequence[str]
 ) -> str | None:
     """Draw the variants that have anything to draw; return the picture's path."""
-    drawn = {v.name: b.result.recording for v, b in branches if b.result.steps > b.at}
+    drawn = {v: b.result.recording for v, b in branches.items() if b.result.steps > b.at}
     if not drawn:
         return None
-    at = branches[0][1].at
+    at = max(branch.at for branch in branches.values())
     try:
         view("variants")(recording, drawn, out / _PICTURE, at=at, signals=signals)
     except ExtraMissing as exc:

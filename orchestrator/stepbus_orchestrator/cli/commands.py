@@ -17,7 +17,6 @@ from .options import (
     Faults,
     File,
     Folder,
-    FoxglovePort,
     Index,
     Json,
     Names,
@@ -49,7 +48,6 @@ class Run(Command, work="run", group="run", is_run=True):
     $ stepbus run two_link --fault 'freeze controller at 500 for 200ms'
     $ stepbus run my/scenario.yaml --debug controller
     $ stepbus run two_link --view --real-time
-    $ stepbus run two_link --foxglove 8765 --real-time
     $ stepbus run two_link --external controller
     $ stepbus run two_link --external controller=/tmp/c.ticket
     """
@@ -98,8 +96,6 @@ class Run(Command, work="run", group="run", is_run=True):
     """show the live run in 3D in the browser (docs/guide/looking/viewing.md)"""
     no_open: bool = False
     """with --view, do not open a browser"""
-    foxglove: FoxglovePort = None
-    """stream to Foxglove or Lichtblick over a WebSocket (default: any free port)"""
 
 
 class Validate(Command, work="scenarios", group="run"):

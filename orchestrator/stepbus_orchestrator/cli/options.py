@@ -108,9 +108,6 @@ BridgeFormat = Annotated[
     Parameter(help="start the program through `stepbus bridge`"),
 ]
 Port = Annotated[int, Parameter(validator=Number(gte=0, lte=65535))]
-FoxglovePort = Annotated[
-    tuple[Port, ...] | None, Parameter(consume_multiple=(0, 1), metavar="[PORT]")
-]
 Count = Annotated[int, Parameter(validator=Number(gte=1))]
 """1 or more."""
 Index = Annotated[int, Parameter(validator=Number(gte=0))]

@@ -72,7 +72,9 @@ def run_command(given: Run) -> int:
     with interruptible(ends=True) as interrupt:
         # A participant in a debugger reads the keys itself.
         keys = nullcontext() if is_quiet else controlled(pace, interrupt)
-        with viewed(options.out, _views(given), stays=has_keys, interrupt=interrupt):
+        opens = not given.no_open
+        view = viewed(options.out, opens=opens, stays=has_keys, interrupt=interrupt)
+        with view if given.view else nullcontext():
             with display as shown, keys:
                 result = run(loaded, options, shown, interrupt)
             has_plots = not given.no_report
@@ -120,13 +122,6 @@ def _extensions(given: Run, step_ns: int) -> Iterator[RunExtension]:
     yield from map(load_extension, given.extensions)
     if given.profile:
         yield Profile()
-
-
-def _views(given: Run) -> list[list[str]]:
-    """Return the options of each view, as of `stepbus view`."""
-    page = [["--no-open"] if given.no_open else []] if given.view else []
-    port = given.foxglove
-    return page if port is None else [*page, ["--foxglove", str(*(port or [0]))]]
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The views beside a run: processes of their own, which the run does not wait for."""
+"""The view of a live run: a process of its own, which the run does not wait for."""
 
 import contextlib
 import select
@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
@@ -22,56 +22,45 @@ _PREFIX, _INTERRUPTED = "stepbus: ", "interrupted"
 
 
 @contextlib.contextmanager
-def viewed(
-    folder: Path, views: Sequence[Sequence[str]], *, stays: bool, interrupt: threading.Event
-) -> Iterator[None]:
-    """Show a run while this is open.
+def viewed(folder: Path, *, opens: bool, stays: bool, interrupt: threading.Event) -> Iterator[None]:
+    """Show a run in a browser while this is open.
 
-    folder: of the run, which may not be there yet. views: the options of `stepbus view` for each.
-    stays: after the run, they show its recording until the user ends this process, which sets
-    `interrupt`. Raises WiringError when one cannot start; the run does not wait for one that does
-    nothing.
+    folder: of the run, which may not be there yet. opens: whether the view opens a browser. stays:
+    after the run, it shows the recording until the user ends this process, which sets `interrupt`.
+    Raises WiringError when the view cannot start; the run does not wait for one that does nothing.
     """
-    more = [str(folder), "--follow", *([] if stays else ["--until-end"])]
-    viewers: list[subprocess.Popen[str]] = []
+    options = [*([] if stays else ["--until-end"]), *([] if opens else ["--no-open"])]
+    viewer = subprocess.Popen(
+        [*_COMMAND, str(folder), "--follow", *options],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        errors="replace",
+    )
     try:
-        # At once: each takes a second to load.
-        viewers.extend(
-            subprocess.Popen(
-                [*_COMMAND, *more, *options],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                encoding="utf-8",
-                errors="replace",
-            )
-            for options in views
-        )
-        give_up = time.monotonic() + _START_S
-        for viewer in viewers:
-            _announce(viewer, interrupt, give_up)
+        _announce(viewer, interrupt)
         yield
-        if stays and views:
+        if stays:
             print_error("the view stays open until Ctrl-C")
-            while not interrupt.wait(_POLL_S) and any(v.poll() is None for v in viewers):
+            while not interrupt.wait(_POLL_S) and viewer.poll() is None:
                 pass
     finally:
-        for viewer in viewers:
-            viewer.terminate()
-        for viewer in viewers:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                viewer.wait(_END_S)
-            viewer.kill()
-            viewer.wait()  # no time-out: it has ended, or was killed
-            if viewer.stdout is not None:
-                viewer.stdout.close()
+        viewer.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            viewer.wait(_END_S)
+        viewer.kill()
+        viewer.wait()  # no time-out: it has ended, or was killed
+        if viewer.stdout is not None:
+            viewer.stdout.close()
 
 
-def _announce(viewer: subprocess.Popen[str], interrupt: threading.Event, give_up: float) -> None:
+def _announce(viewer: subprocess.Popen[str], interrupt: threading.Event) -> None:
     """Print where a view is, as soon as it says so; one that takes very long is left to itself.
 
     Raises WiringError for one that cannot start, KeyboardInterrupt where the user ends this.
     """
+    give_up = time.monotonic() + _START_S
     stdout, stderr = viewer.stdout, viewer.stderr
     if stdout is None or stderr is None:
         return

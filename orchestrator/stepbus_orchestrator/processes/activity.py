@@ -16,13 +16,11 @@ _STATE, _PARENT, _GROUP, _USER_TICKS, _SYSTEM_TICKS = 0, 1, 2, 11, 12
 class Activity:
     """What a process and all it has started are doing.
 
-    is_stopped: by a signal or a debugger. waits_for_disk: one waits for a device, and takes no
-    signal meanwhile. is_running: one computes, or would if it had a processor. cpu_s: processor
-    time so far [s].
+    is_stopped: by a signal or a debugger. is_running: one computes, or would if it had a processor.
+    cpu_s: processor time so far [s].
     """
 
     is_stopped: bool = False
-    waits_for_disk: bool = False
     is_running: bool = False
     cpu_s: float = 0.0
 
@@ -34,22 +32,9 @@ class Activity:
         """
         if self.is_stopped:
             return f"a signal or a debugger has stopped it; `kill -CONT {target}` resumes it."
-        if self.waits_for_disk:
-            return "it is in uninterruptible I/O; does a disk or a network mount hang?"
         if self.is_running or self.cpu_s > _BUSY * elapsed_s:
             return f"it has computed for {self.cpu_s:.1f} s; what does it load or import?"
         return ""
-
-
-@dataclass(frozen=True)
-class KeptThread:
-    """How a participant that shares our thread missed a deadline.
-
-    held_s: how long it kept the thread [s]. where: the line of its code.
-    """
-
-    held_s: float
-    where: str
 
 
 def activity(*groups: int) -> Activity:
@@ -71,7 +56,6 @@ def _activity(rows: Iterator[list[str]]) -> Activity:
     ticks = sum(int(row[_USER_TICKS]) + int(row[_SYSTEM_TICKS]) for row in own)
     return Activity(
         is_stopped=bool(states & {"T", "t"}),
-        waits_for_disk="D" in states,
         is_running="R" in states,
         cpu_s=ticks / _TICKS_PER_S,
     )

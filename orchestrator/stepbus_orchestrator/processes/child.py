@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
-from stepbus_orchestrator.processes.activity import Activity, KeptThread, activity
+from stepbus_orchestrator.processes.activity import Activity, activity
 from stepbus_orchestrator.processes.place import Place, core_of, place_threads
 from stepbus_orchestrator.processes.warm import fork
 from stepbus_participant import append_to, last_lines
@@ -39,9 +39,6 @@ TERM_GRACE_S = 1.0
 """How long a process may take to end after SIGTERM [s]."""
 _KILL_S = 5.0
 """How long a killed process may take to go; one in the middle of a disk access takes long [s]."""
-_CAUSES = {
-    signal.SIGBUS: " (did another process truncate a file that it maps, such as one of slots?)"
-}
 _FIRST_PAUSE_S = 0.0005
 _LONGEST_PAUSE_S = 0.05
 
@@ -50,13 +47,13 @@ class Process:
     """A participant's process, as a run sees it.
 
     log: the file its stdout and stderr go to. pid: its process id; 0: unknown. late: how it missed
-    a deadline, where it shares our thread and has.
+    a deadline, where it shares our thread and has: `computing for 3.1 s, at a.py:7 in update`.
     """
 
     def __init__(self, log: Path) -> None:
         self.log = log
         self.pid = 0
-        self.late: KeptThread | None = None
+        self.late = ""
 
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it runs."""
@@ -66,8 +63,7 @@ class Process:
         """Return its end in words: `exited with code 1` or `was killed by SIGKILL`."""
         code = self.exit_code()
         if code is not None and code < 0:
-            number = signal.Signals(-code)
-            return f"was killed by {number.name}{_CAUSES.get(number, '')}"
+            return f"was killed by {signal.Signals(-code).name}"
         return f"exited with code {code}"
 
     def last_output(self) -> str:

@@ -5,7 +5,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from msgspec.structs import asdict
 
@@ -25,31 +25,26 @@ _KILLED_S = 5.0
 """How long its killed process may take to be gone [s]."""
 
 
-class LeftBehind(NamedTuple):
-    """A process that outlived the participant that had started it, and was ended."""
+class Launcher:
+    """Owns every process of one run, and its private folder, for sockets and tickets.
 
-    participant: str
-    pid: str
-    command: str
+    A process of its own, the reaper, kills what is left of the run and removes the folder, also
+    should the orchestrator be killed.
 
-    def text(self) -> str:
-        """Return the process and its end in words."""
-        return f"left a process behind, which was killed: {self.command} (pid {self.pid})"
-
-
-class Reaper:
-    """A process that kills what is left of a run, also should the orchestrator be killed.
-
-    folder: the run's private folder, for sockets and tickets, removed at the end. Raises BusFailed
-    where that cannot be made, StartFailed, without leaving it behind, when no process can be
-    started.
+    logs: folder of the participants' logs. folder: the private one. children: those that were
+    started, by name. Raises BusFailed where the folder cannot be made, StartFailed, without leaving
+    it behind, when no process can be started.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, run: str, token: str, logs: Path) -> None:
         self.folder = private_folder()
+        self.children: dict[str, Child] = {}
+        self._run = run
+        self._token = token
+        self._logs = logs
         self._others: list[Path] = []
         try:
-            self._process = subprocess.Popen(
+            self._reaper = subprocess.Popen(
                 [sys.executable, "-I", "-S", reaper.__file__, str(self.folder)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -63,53 +58,6 @@ class Reaper:
                 "cannot start the reaper, which cleans up after a run: "
                 f"{exc.strerror}; check ulimit -n and ulimit -u"
             ) from exc
-
-    def watch(self, group: int) -> None:
-        """Have it kill a process group when the orchestrator is gone."""
-        self._notify(f"+{group}")
-
-    def forget(self, group: int) -> None:
-        """Have it spare a process group from now on."""
-        self._notify(f"-{group}")
-
-    def remove_too(self, path: Path) -> None:
-        """Have it remove a file, or another folder, with the private one."""
-        self._others.append(path)
-        self._notify(str(path))
-
-    def _notify(self, line: str) -> None:
-        with contextlib.suppress(BrokenPipeError):
-            print(line, file=self._process.stdin, flush=True)
-
-    def end(self) -> list[LeftBehind]:
-        """End it, and remove the private folder; return the processes that it had to end."""
-        said = ""
-        for limit_s in (_END_S, _KILLED_S):
-            try:
-                said, _ = self._process.communicate(timeout=limit_s)
-                break
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-        # It may have been killed, or stopped, by another process.
-        for path in (self.folder, *self._others):
-            reaper.remove(str(path))
-        return [LeftBehind(*line.split(" ", 2)) for line in said.splitlines()]
-
-
-class Launcher:
-    """Owns every process of one run, and its private folder.
-
-    logs: folder of the participants' logs. folder: the private one. children: those that were
-    started, by name. Raises BusFailed and StartFailed as `Reaper` does.
-    """
-
-    def __init__(self, *, run: str, token: str, logs: Path) -> None:
-        self._reaper = Reaper()
-        self.folder = self._reaper.folder
-        self.children: dict[str, Child] = {}
-        self._run = run
-        self._token = token
-        self._logs = logs
 
     def start(
         self,
@@ -146,7 +94,7 @@ class Launcher:
             environment=participant_environment(str(path)),
             has_terminal=has_terminal,
         )
-        self._reaper.watch(child.pid)
+        self._tell_reaper(f"+{child.pid}")
         self.children[spec.name] = child
         return child
 
@@ -172,15 +120,20 @@ class Launcher:
         )
         path = ticket.absolute()
         publish(content, path)
-        self._reaper.remove_too(path)
+        self.remove_too(path)
         # The first that a participant connects to is the orchestrator.
         return External(
             path, self._logs / f"{spec.name}.log", endpoint.connect[0], self.children.values()
         )
 
-    def remove_too(self, folder: Path) -> None:
-        """Have another folder removed with the private one, whatever becomes of this process."""
-        self._reaper.remove_too(folder)
+    def remove_too(self, path: Path) -> None:
+        """Have a file, or another folder, removed with the private one."""
+        self._others.append(path)
+        self._tell_reaper(str(path))
+
+    def _tell_reaper(self, line: str) -> None:
+        with contextlib.suppress(BrokenPipeError):
+            print(line, file=self._reaper.stdin, flush=True)
 
     def _ticket(self, spec: ParticipantSpec, endpoint: Endpoint, fields: dict[str, Any]) -> Ticket:
         return Ticket(
@@ -192,12 +145,24 @@ class Launcher:
             **{"protocols": SPOKEN, **fields},
         )
 
-    def end_all(self) -> list[LeftBehind]:
-        """End every process that is left, and the reaper, which removes the private folder.
+    def end_all(self) -> list[tuple[str, str]]:
+        """End every process that is left, and the reaper; remove the private folder.
 
-        Return what participants have left behind in sessions of their own.
+        Return (participant, text) of each process that the reaper had to end.
         """
         for child in self.children.values():
             child.end()
-            self._reaper.forget(child.pid)
-        return self._reaper.end()
+            self._tell_reaper(f"-{child.pid}")
+        said = ""
+        for limit_s in (_END_S, _KILLED_S):
+            try:
+                said, _ = self._reaper.communicate(timeout=limit_s)
+                break
+            except subprocess.TimeoutExpired:
+                self._reaper.kill()
+        # It may have been killed, or stopped, by another process.
+        for path in (self.folder, *self._others):
+            reaper.remove(str(path))
+        left = (line.split(" ", 2) for line in said.splitlines())
+        text = "left a process behind, which was killed"
+        return [(name, f"{text}: {command} (pid {pid})") for name, pid, command in left]

@@ -34,6 +34,9 @@ class HashChain:
         # One call of the hash for all parts: of few bytes, each takes longer than the hashing.
         self.value = hashlib.sha256(b"".join(parts)).digest()
 
+    def wait(self) -> None:
+        """Wait until all steps that were added are in the value."""
+
     def close(self) -> None:
         """Add nothing more."""
 
@@ -42,26 +45,19 @@ class ThreadedChain(HashChain):
     """The chain of a participant with bulk ports: big messages are hashed in a thread."""
 
     def __init__(self) -> None:
-        self._workers: Workers[None] = Workers(lambda _none: None, threads=1)
         super().__init__()
-
-    @property
-    def value(self) -> bytes:
-        """Return it, once all steps that were added are in it."""
-        self._workers.drain()
-        return self._value
-
-    @value.setter
-    def value(self, value: bytes) -> None:
-        self._value = value
+        self._workers = Workers[None](lambda _none: None, threads=1)
 
     def extend(self, step: int, published: Collection[tuple[str, bytes]]) -> None:
         """Add one step."""
         if self._workers.are_busy or any(len(data) > BIG_BYTES for _, data in published):
-            size = sum(len(data) for _, data in published)
-            self._workers.give(partial(self._extend, step, published), size)
+            self._workers.give(partial(self._extend, step, published))
         else:
             super().extend(step, published)
+
+    def wait(self) -> None:
+        """Wait until all steps that were added are in the value."""
+        self._workers.drain()
 
     def close(self) -> None:
         """End the thread."""
@@ -69,11 +65,11 @@ class ThreadedChain(HashChain):
 
     def _extend(self, step: int, published: Iterable[tuple[str, bytes]]) -> None:
         """Add one step without copying it, in the thread."""
-        digest = hashlib.sha256(self._value + step.to_bytes(8, "little", signed=True))
+        digest = hashlib.sha256(self.value + step.to_bytes(8, "little", signed=True))
         for port, data in published:
             digest.update(port.encode())
             digest.update(data)
-        self._value = digest.digest()
+        self.value = digest.digest()
 
 
 def messages_sha256(last_chain: bytes) -> str:

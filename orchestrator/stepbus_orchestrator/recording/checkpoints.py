@@ -5,6 +5,7 @@
 that of the recording, which no other recording can have.
 """
 
+import contextlib
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -71,23 +72,19 @@ class Checkpoints:
     def __init__(self, recording: Path, sha256: str) -> None:
         self._folder = recording.parent / layout.CHECKPOINTS_FOLDER
         self.problems: list[str] = []
-        self._states = self._read_index(sha256)
-
-    def _read_index(self, sha256: str) -> dict[str, dict[int, str]]:
+        self._states: dict[str, dict[int, str]] = {}
         path = self._folder / layout.CHECKPOINTS_INDEX
-        if not path.parent.is_dir():
-            return {}
+        if not self._folder.is_dir():
+            return
         try:
             index = msgspec.json.decode(read_file(path), type=_Index)
         except (OSError, *UNDECODABLE) as exc:
             self.problems.append(f"no checkpoints: {path}: {explained(exc)}")
-            return {}
-        if index.recording != sha256:
-            self.problems.append(
-                f"no checkpoints: those in {path.parent} belong to another recording"
-            )
-            return {}
-        return index.states
+            return
+        if index.recording == sha256:
+            self._states = index.states
+        else:
+            self.problems.append(f"no checkpoints: those in {path.parent} are of another recording")
 
     def below(self, name: str, step: int) -> Iterator[SavedState]:
         """Yield the checkpoints of a participant before steps below `step`, newest first.
@@ -98,19 +95,11 @@ class Checkpoints:
         for saved_step in sorted(states, reverse=True):
             if 0 < saved_step < step:
                 path = (self._folder / _file_name(name, saved_step)).absolute()
-                if self._is_sound(path, states[saved_step]):
-                    yield SavedState(step=saved_step, path=path)
-
-    def _is_sound(self, path: Path, sha256: str) -> bool:
-        try:
-            state = read_file(path)
-        except OSError as exc:
-            self.problems.append(f"checkpoint {path}: {exc.strerror}; an earlier state is used")
-            return False
-        if hashlib.sha256(state).hexdigest() == sha256:
-            return True
-        self.problems.append(f"checkpoint {path} is damaged; an earlier state is used")
-        return False
+                with contextlib.suppress(OSError):
+                    if hashlib.sha256(read_file(path)).hexdigest() == states[saved_step]:
+                        yield SavedState(step=saved_step, path=path)
+                        continue
+                self.problems.append(f"checkpoint {path} is damaged; an earlier state is used")
 
 
 def _file_name(name: str, step: int) -> str:

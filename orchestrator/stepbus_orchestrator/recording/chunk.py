@@ -8,7 +8,10 @@ from typing import NamedTuple
 
 import zstandard
 from isal.isal_zlib import crc32, crc32_combine
+from mcap import records as mcap
 from mcap.opcode import Opcode
+
+from stepbus_orchestrator.recording.records import HEAD, bytes_of
 
 BIG_BYTES = 64 * 1024
 """A larger message is content of a bulk port: a picture, a point cloud."""
@@ -19,16 +22,8 @@ _WORTH_IT = 0.9
 _SAMPLES, _SAMPLE_BYTES = 8, 4096
 """So many parts of a chunk with big messages say whether it is worth it to compress all of it."""
 
-_CHUNK = Struct("<BQQQQI")  # opcode, length, two times, size and CRC of what it holds
 _SIZE = Struct("<Q")
-_TEXT = Struct("<I")
 _INDEX = Struct("<BQHI")  # opcode, length, channel, length of the entries
-_ROW = Struct("<BQQQQQI")  # opcode, length, two times, offset and length, size of the map
-_PLACE = Struct("<HQ")  # channel, offset of its message index
-_ROW_END = Struct("<QI")  # bytes of all message indexes, length of the name
-_SIZES = Struct("<QQ")  # compressed, uncompressed
-_HEAD_BYTES = 9
-"""Opcode and length, which do not count as the record's own length."""
 
 
 class Chunk:
@@ -56,84 +51,70 @@ class Chunk:
 class Encoded(NamedTuple):
     """A chunk as it stands in a file: its bytes in parts, with the message indexes behind it.
 
-    crc, size: of all parts. length, compression, packed_size: of the chunk itself. offsets: channel
-    → where its message index is, from the beginning of the chunk on.
+    crc, size: of all parts. row: its record of the summary, with offsets from its beginning.
     """
 
     chunk: Chunk
     parts: list[bytes]
     crc: int
     size: int
-    length: int
-    compression: str
-    packed_size: int
-    offsets: dict[int, int]
-
-    def row(self, start: int) -> bytes:
-        """Return its record of the index; start: where it begins in the file."""
-        chunk, name = self.chunk, self.compression.encode()
-        places = b"".join(_PLACE.pack(c, start + offset) for c, offset in self.offsets.items())
-        size = _ROW.size - _HEAD_BYTES + len(places) + _ROW_END.size + len(name) + _SIZES.size
-        return b"".join(
-            (
-                _ROW.pack(
-                    *(Opcode.CHUNK_INDEX, size, chunk.earliest, chunk.latest),
-                    *(start, self.length, len(places)),
-                ),
-                places,
-                _ROW_END.pack(self.size - self.length, len(name)),
-                name,
-                _SIZES.pack(self.packed_size, chunk.size),
-            )
-        )
+    row: mcap.ChunkIndex
 
 
 def encode_chunk(chunk: Chunk) -> Encoded:
     """Return the bytes of a chunk: a function of its messages alone; raises MemoryError."""
-    compressor = _compressor(is_big=chunk.is_big)
+    compressor = _own.fast if chunk.is_big else _own.usual
     content, crc = list(_gathered(chunk.records)), 0
     for part in content:
         crc = crc32(part, crc)
-    packed, compression = content, ""
+    packed, compression, packed_size = content, "", chunk.size
     if not chunk.is_big or _gains(_sample(content, chunk.size), compressor):
         whole = _compressed(b"".join(content), compressor)
         if not chunk.is_big or len(whole) <= _WORTH_IT * chunk.size:
-            packed, compression = [whole], "zstd"
-    packed_size = len(packed[0]) if compression else chunk.size
-    name = _TEXT.pack(len(compression)) + compression.encode()
-    length = _CHUNK.size - _HEAD_BYTES + len(name) + _SIZE.size + packed_size
-    head = _CHUNK.pack(Opcode.CHUNK, length, chunk.earliest, chunk.latest, chunk.size, crc)
-    head += name + _SIZE.pack(packed_size)
+            packed, compression, packed_size = [whole], "zstd", len(whole)
+    times = chunk.earliest, chunk.latest
+    record = mcap.Chunk(compression, b"", times[1], times[0], crc, chunk.size)
+    head = bytearray(bytes_of(record))
+    # The bytes that belong here are other parts: they are not copied.
+    _SIZE.pack_into(head, 1, len(head) - HEAD.size + packed_size)
+    _SIZE.pack_into(head, len(head) - _SIZE.size, packed_size)
     indexes, offsets = bytearray(), {}
     for channel, entries in chunk.indexes.items():
         offsets[channel] = len(head) + packed_size + len(indexes)
         numbers = Struct(f"<{len(entries)}Q").pack(*entries)
         indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers))
         indexes += numbers
+    row = mcap.ChunkIndex(
+        chunk_length=len(head) + packed_size,
+        chunk_start_offset=0,
+        compression=compression,
+        compressed_size=packed_size,
+        message_end_time=chunk.latest,
+        message_index_length=len(indexes),
+        message_index_offsets=offsets,
+        message_start_time=chunk.earliest,
+        uncompressed_size=chunk.size,
+    )
     # The checksum of what is stored as it is has been computed already.
     packed_crc = crc32(packed[0]) if compression else crc
     return Encoded(
         chunk=chunk,
-        parts=[head, *packed, bytes(indexes)],
+        parts=[bytes(head), *packed, bytes(indexes)],
         crc=crc32(indexes, crc32_combine(crc32(head), packed_crc, packed_size)),
-        size=len(head) + packed_size + len(indexes),
-        length=len(head) + packed_size,
-        compression=compression,
-        packed_size=packed_size,
-        offsets=offsets,
+        size=row.chunk_length + len(indexes),
+        row=row,
     )
 
 
-_own = threading.local()
+class _Compressors(threading.local):
+    """Those of this thread: making one takes longer than compressing a sample."""
+
+    def __init__(self) -> None:
+        self.fast = zstandard.ZstdCompressor(_FAST)
+        self.usual = zstandard.ZstdCompressor()
 
 
-def _compressor(*, is_big: bool) -> zstandard.ZstdCompressor:
-    """Return this thread's own: to make one takes longer than to look at a sample."""
-    name = "fast" if is_big else "usual"
-    if not hasattr(_own, name):
-        setattr(_own, name, zstandard.ZstdCompressor(_FAST if is_big else 3))
-    compressor: zstandard.ZstdCompressor = getattr(_own, name)
-    return compressor
+_own = _Compressors()
 
 
 def _gathered(records: Iterable[bytes]) -> Iterator[bytes]:

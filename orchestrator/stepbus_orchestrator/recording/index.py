@@ -7,7 +7,7 @@ is. Any other file is scanned from its beginning.
 from __future__ import annotations
 
 import struct
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -64,13 +64,12 @@ class Index:
     """
 
     path: Path
-    schemas: dict[int, str] = field(default_factory=dict)
-    schema_texts: dict[str, bytes] = field(default_factory=dict)
+    schemas: dict[int, mcap.Schema] = field(default_factory=dict)
     channels: dict[int, mcap.Channel] = field(default_factory=dict)
     blocks: list[Block] = field(default_factory=list)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, Mapping[str, str]] = field(default_factory=dict)
-    library: str = ""
+    header: mcap.Header | None = None
     damage: str = ""
     ends_a_step: bool = True
     loose_from: int | None = None
@@ -79,6 +78,11 @@ class Index:
     def is_ours(self) -> bool:
         """Return whether we wrote it: everything in it has a checksum."""
         return self.library in layout.LIBRARIES
+
+    @property
+    def library(self) -> str:
+        """Return who wrote it, and in which layout; empty where it does not say."""
+        return "" if self.header is None else self.header.library
 
     @cached_property
     def scenario(self) -> Mapping[str, Any]:
@@ -101,8 +105,7 @@ class Index:
         """Add what a record says, unless it is a message."""
         match record:
             case mcap.Schema():
-                self.schemas[record.id] = record.name
-                self.schema_texts[record.name] = record.data
+                self.schemas[record.id] = record
             case mcap.Channel():
                 # Those of timing.mcap have one name.
                 if not all(map(is_name, record.topic.split("/", 1))):
@@ -113,7 +116,7 @@ class Index:
             case mcap.Metadata():
                 self.metadata[record.name] = record.metadata
             case mcap.Header():
-                self.library = record.library
+                self.header = record
                 if layout.is_newer(self.library):
                     raise RecordingFailed(
                         f"{self.path} has layout {self.library!r}, which is newer than this "
@@ -188,45 +191,37 @@ class Scanner:
     of the file [bytes]. intact_bytes: up to the end of the last complete record, for a chunk with
     all it contains. has_end: whether the end of the data was reached, so that at most the index is
     missing.
+
+    Raises RecordingFailed when the file cannot be read or is no MCAP file.
     """
 
     def __init__(self, file: RecordFile) -> None:
         self.index = Index(path=file.path)
         self.size = file.size
-        self.intact_bytes = 0
         self.has_end = False
         self.file = file
-        self._crc = 0
         self._done = 0
         """No step below it comes any more: what has one was left by an earlier write."""
-
-    def records(self) -> Iterator[mcap.McapRecord]:
-        """Yield all records but those of the index, the messages of a chunk one by one.
-
-        Raises RecordingFailed when the file cannot be read or is no MCAP file.
-        """
-        start = self.file.read(0, len(MAGIC))
+        start = file.read(0, len(MAGIC))
         if start != MAGIC:
             raise RecordingFailed(
-                f"{self.file.path} has {len(start)} bytes: there is nothing to recover"
+                f"{file.path} has {len(start)} bytes: there is nothing to recover"
                 if MAGIC.startswith(start)
-                else f"{self.file.path} is not an MCAP recording: it does not start with its magic "
-                "bytes"
+                else f"{file.path} is not an MCAP recording: it does not start with its magic bytes"
             )
         self.intact_bytes, self._crc = len(MAGIC), crc32(MAGIC)
         try:
-            opcode = 0
-            while opcode != Opcode.FOOTER:
-                opcode = yield from self._next()
-            if self.file.read(self.intact_bytes, len(MAGIC) + 1) == MAGIC:
+            while self._take_next() != Opcode.FOOTER:
+                pass
+            if file.read(self.intact_bytes, len(MAGIC) + 1) == MAGIC:
                 self.intact_bytes = self.size
             else:
                 self.index.damage = "the closing magic bytes are missing, or more follows them"
         except DamagedRecord as exc:
             self.index.damage = str(exc)
 
-    def _next(self) -> Generator[mcap.McapRecord, None, int]:
-        """Yield what is in the record behind the last intact one; return its opcode."""
+    def _take_next(self) -> int:
+        """Take the record behind the last intact one; return its opcode."""
         offset, index = self.intact_bytes, self.index
         if offset >= self.size:
             raise DamagedRecord(
@@ -243,7 +238,6 @@ class Scanner:
                     times.append(record.log_time)
                 else:
                     index.add(record)
-                yield record
         finally:
             # A chunk may be damaged inside: what precedes it is complete.
             if times:

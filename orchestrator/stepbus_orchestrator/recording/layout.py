@@ -67,9 +67,9 @@ def is_newer(library: str) -> bool:
     return library not in LIBRARIES and _NUMBERED.fullmatch(library) is not None
 
 
-def step_of(text: str) -> int | None:
-    """Return a step of a metadata record; None where the text is none."""
-    return int(text) if _STEP.fullmatch(text) else None
+def is_step(text: str) -> bool:
+    """Return whether a text of a metadata record is a step."""
+    return _STEP.fullmatch(text) is not None
 
 
 def topic_of(participant: str, port: str) -> str:

@@ -17,9 +17,9 @@ from mcap.opcode import Opcode
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, Encoded, encode_chunk
-from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END
+from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END, bytes_of
 from stepbus_orchestrator.recording.reserved_file import ReservedFile
-from stepbus_orchestrator.recording.summary import Summary, bytes_of
+from stepbus_orchestrator.recording.summary import Summary
 from stepbus_orchestrator.recording.workers import Workers
 from stepbus_participant import Disk, open_regular
 from stepbus_schemas import json_schema, reached
@@ -72,18 +72,23 @@ class McapFile:
 
     # --- what is added --------------------------------------------------------------------
 
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
+    def attach_scenario(self, scenario: bytes, files: Mapping[str, bytes]) -> None:
+        """Attach a scenario, and its files by name."""
+        self.attach(layout.SCENARIO_ATTACHMENT, scenario)
+        for name, content in files.items():
+            self.attach(layout.file_attachment(name), content)
+
+    def attach(self, name: str, data: bytes) -> None:
         """Attach a file."""
-        self.add_record(
-            mcap.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
-        )
+        is_scenario = name == layout.SCENARIO_ATTACHMENT
+        media_type = "application/yaml" if is_scenario else "application/octet-stream"
+        self._add_record(mcap.Attachment(0, 0, name, media_type, data))
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
         """Write a metadata record."""
-        self.add_record(mcap.Metadata(name, dict(content)))
+        self._add_record(mcap.Metadata(name, dict(content)))
 
-    def add_record(self, record: mcap.Attachment | mcap.Metadata) -> None:
-        """Write an attachment or a metadata record."""
+    def _add_record(self, record: mcap.Attachment | mcap.Metadata) -> None:
         with self._translated():
             self._workers.drain()
             offset, data = self._file.position, bytes_of(record)
@@ -201,30 +206,27 @@ class McapFile:
 
     # --- its end --------------------------------------------------------------------------
 
-    def close(self, last: mcap.Metadata | None = None) -> None:
+    def close(self, incomplete: Mapping[str, str] | None = None) -> None:
         """Write what is left, a last metadata record and the index; harmless when repeated.
 
-        The metadata record is written only where all messages are.
+        incomplete: content of that record, which is written only where all messages are.
         On a full disk they go into the room that was set aside. Raises RecordingFailed when they
         cannot be written all the same, or anything before could not.
         """
         if self.closed:
             return
         self.closed = True
-        if self._refusal is None:
-            try:
-                if self._chunk.is_big:
-                    self._end_chunk()
-                self._workers.drain()
-            except _FAILURES as exc:
-                self.refuse(exc)
+        with contextlib.suppress(RecordingFailed), self._translated():
+            if self._chunk.is_big:
+                self._end_chunk()
+            self._workers.drain()
         failure = self._refusal
         self._file.release()
         try:
             if failure is not None:
-                self._chunk, last = Chunk(), None
+                self._chunk, incomplete = Chunk(), None
                 self._workers.close()
-            self._finish(last)
+            self._finish(incomplete)
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
         finally:
@@ -234,13 +236,13 @@ class McapFile:
         if failure is not None:
             raise failure
 
-    def _finish(self, last: mcap.Metadata | None) -> None:
+    def _finish(self, incomplete: Mapping[str, str] | None) -> None:
         """Write the last chunk, behind it a last record, and the index."""
         self._end_chunk()
         self._workers.drain()
         self._workers.close()
-        if last is not None:
-            self.add_record(last)
+        if incomplete is not None:
+            self.add_metadata(layout.INCOMPLETE_METADATA, incomplete)
         self._write(bytes_of(mcap.DataEnd(self._crc)))
         self._write(self._summary.end(self._file.position) + MAGIC)
 
@@ -273,7 +275,7 @@ class McapFile:
         if not chunk.indexes:
             return
         if chunk.is_big or self._workers.are_busy:
-            self._workers.give(partial(encode_chunk, chunk), chunk.size)
+            self._workers.give(partial(encode_chunk, chunk))
             self._chunk = Chunk()
         else:
             encoded = encode_chunk(chunk)
@@ -331,13 +333,8 @@ def whole_file(path: Path, disk: Disk = os, **header: str) -> Iterator[McapFile]
     """
     part = path.with_name(f".{path.name}.part")
     try:
-        file = McapFile(path, disk, written_as=part, **header)
-        try:
+        with contextlib.closing(McapFile(path, disk, written_as=part, **header)) as file:
             yield file
-            file.close()
-        finally:
-            with contextlib.suppress(RecordingFailed):
-                file.close()
         try:
             # It may replace the only copy there is.
             _sync(part, disk)

@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import msgspec
-from mcap.records import Metadata
 
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import layout
@@ -171,13 +170,13 @@ class Recorder(Sink):
         finally:
             missing = {name: str(step) for name, step in self._missing.items()}
             has_begun = self._chain_channel is not None
-            self._close(Metadata(layout.INCOMPLETE_METADATA, missing) if has_begun else None)
+            self._close(missing if has_begun else None)
 
-    def _close(self, last: Metadata | None = None) -> None:
-        """Close the file behind a last metadata record, and end all threads."""
+    def _close(self, incomplete: Mapping[str, str] | None = None) -> None:
+        """Close the file, as `McapFile.close`, and end all threads."""
         for chain in self._chains.values():
             chain.close()
-        self._file.close(last)
+        self._file.close(incomplete)
 
     def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
         """Write the outputs of a step, and the chain behind them where it is due."""
@@ -187,6 +186,8 @@ class Recorder(Sink):
         try:
             self._write_outputs(step, closing)
             if self._chain_channel is not None and (is_last or layout.has_chain(step)):
+                for chain in self._chains.values():
+                    chain.wait()
                 hashes = {name: chain.value.hex() for name, chain in self._chains.items()}
                 self._last_chain = encode(Chain(step=step, hashes=hashes))
                 self._add([(self._chain_channel, self._last_chain)], step * self._step_ns, step)

@@ -14,7 +14,7 @@ from typing import Any
 import zstandard
 from isal.isal_zlib import crc32
 from mcap import records as mcap
-from mcap.data_stream import ReadDataStream
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
@@ -199,3 +199,12 @@ def _translated(opcode: int) -> Iterator[None]:
     except _PARSE_ERRORS as exc:
         why = str(exc) or type(exc).__name__
         raise DamagedRecord(f"a {type_of(opcode)} is corrupt: {why}") from exc
+
+
+def bytes_of(*records: mcap.McapRecord) -> bytes:
+    """Return records as they stand in a file."""
+    builder: Any = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    data: bytes = builder.end()
+    return data

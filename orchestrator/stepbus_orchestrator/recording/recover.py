@@ -3,22 +3,16 @@
 import contextlib
 import dataclasses
 import os
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
-
-from mcap import records as mcap
 
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chains import Holes
-from stepbus_orchestrator.recording.index import Scanner
 from stepbus_orchestrator.recording.mcap_file import McapFile, whole_file
-from stepbus_orchestrator.recording.records import RecordFile
-from stepbus_orchestrator.recording.reserved_file import is_locked
+from stepbus_orchestrator.recording.source import Source
 from stepbus_participant import Disk, irregular, parse_duration
 from stepbus_schemas import StepbusError, reached
 
@@ -73,108 +67,75 @@ def recover(source: Path, target: Path, *, in_place: bool = False, disk: Disk = 
         raise OutputExists(
             f"{target} already exists; choose another name with {argument('--out', 'target')}"
         )
-    file = RecordFile(source)
-    with contextlib.closing(file):
-        is_live = is_locked(file.descriptor)
-        if in_place and is_live:
+    with contextlib.closing(Source(source, scans=True)) as opened:
+        if in_place and opened.is_live:
             raise RecordingFailed(
                 f"{source} is still being written; wait until its run has ended, or write what it "
                 f"has so far to another file with {argument('--out', 'target')}"
             )
-        scanner = Scanner(file)
-        records = scanner.records()
-        header = next(records, None)
-        if not isinstance(header, mcap.Header):
+        scanner, index = opened.scanner, opened.index
+        if scanner is None or index.header is None:
             reached("a recording holds nothing")
             raise RecordingFailed(
-                f"{source} has {scanner.size} bytes and no complete record: there is nothing to "
-                "recover"
+                f"{source} has {source.stat().st_size} bytes and no complete record: there is "
+                "nothing to recover"
             )
-        library = layout.LIBRARY if scanner.index.is_ours else header.library
-        with whole_file(target, disk, library=library, profile=header.profile) as copied:
-            copy = _Copy(scanner, copied)
-            copy.run(records)
-    index = scanner.index
+        if opened.cut_step is not None:
+            reached("a recording ends within a step")
+        library = layout.LIBRARY if index.is_ours else index.header.library
+        with whole_file(target, disk, library=library, profile=index.header.profile) as file:
+            count, last_step, holes = _copy(opened, file)
     return Recovery(
         source=source,
         target=target,
-        damage="it is still being written" if is_live else index.damage,
-        cut_step=copy.cut_step,
-        messages=copy.counts[mcap.Message],
-        attachments=copy.counts[mcap.Attachment],
-        metadata=copy.counts[mcap.Metadata],
-        last_step=copy.last_step,
+        damage="it is still being written" if opened.is_live else index.damage,
+        cut_step=opened.cut_step,
+        messages=count,
+        attachments=len(index.attachments),
+        metadata=len(index.metadata),
+        last_step=last_step,
         planned_steps=_planned_steps(index.scenario),
         kept_bytes=scanner.intact_bytes,
         lost_bytes=scanner.size - scanner.intact_bytes,
-        only_index_lost=scanner.has_end and copy.cut_step is None,
-        holes=copy.holes.found,
+        only_index_lost=scanner.has_end and opened.cut_step is None,
+        holes=holes,
     )
 
 
-class _Copy:
-    """Writes the records of one file into another, with numbers of its own for channels."""
+def _copy(source: Source, file: McapFile) -> tuple[int, int, Sequence[str]]:
+    """Write all that a recording has, and close the file.
 
-    def __init__(self, scanner: Scanner, file: McapFile) -> None:
-        self.counts: Counter[type] = Counter()
-        self.last_step = -1
-        self.cut_step: int | None = None
-        self._index = scanner.index
-        self._file = file
-        self._schemas = {0: 0}
-        self._channels: dict[int, int] = {}
+    Return the number of messages, the newest step, −1 without any, and the holes between them.
+    """
+    index = source.index
+    for name, content in index.attachments.items():
+        file.attach(name, content)
+    for name, facts in index.metadata.items():
+        if name != layout.INCOMPLETE_METADATA:
+            file.add_metadata(name, facts)
+    schemas, channels = {0: 0}, dict[int, int]()
 
-    @cached_property
-    def holes(self) -> Holes:
-        """Return what finds holes; the scenario precedes all messages."""
-        return Holes(self._index.scenario)
+    def register(number: int) -> None:
+        channel = index.channels[number]
+        schema = channel.schema_id
+        if schema not in schemas and schema in index.schemas:
+            schemas[schema] = file.register(index.schemas[schema])
+        copied = dataclasses.replace(channel, schema_id=schemas.get(schema, 0))
+        channels[number] = file.register(copied)
 
-    def run(self, records: Iterator[mcap.McapRecord]) -> None:
-        """Write all complete records, and close the file."""
-        step, newest = -1, list[mcap.McapRecord]()
-        last: mcap.Metadata | None = None
-        for record in records:
-            # A message is copied once it is known that nothing of its step is missing.
-            if isinstance(record, mcap.Message) and self._index.is_ours:
-                if record.sequence != step:
-                    self._copy_all(newest)
-                    newest.clear()
-                step = record.sequence
-            if isinstance(record, mcap.Metadata) and record.name == layout.INCOMPLETE_METADATA:
-                self.counts[mcap.Metadata] += 1
-                last = record
-            elif step >= 0:
-                newest.append(record)
-            else:
-                self._copy(record)
-        if newest and not self._index.ends_a_step:
-            reached("a recording ends within a step")
-            self.cut_step = step
-            newest = [one for one in newest if not isinstance(one, mcap.Message)]
-        self._copy_all(newest)
-        self._file.close(last)
-
-    def _copy_all(self, records: Iterable[mcap.McapRecord]) -> None:
-        for record in records:
-            self._copy(record)
-
-    def _copy(self, record: mcap.McapRecord) -> None:
-        match record:
-            case mcap.Message():
-                topic = self._index.channels[record.channel_id].topic
-                self.holes.add(topic, record.sequence, record.data)
-                self.last_step = max(self.last_step, record.sequence)
-                message = self._channels[record.channel_id], record.data
-                self._file.add_all([message], record.log_time, record.sequence)
-            case mcap.Channel() if record.id not in self._channels:
-                schema = self._schemas.get(record.schema_id, 0)
-                copied = dataclasses.replace(record, schema_id=schema)
-                self._channels[record.id] = self._file.register(copied)
-            case mcap.Schema() if record.id not in self._schemas:
-                self._schemas[record.id] = self._file.register(record)
-            case mcap.Attachment() | mcap.Metadata():
-                self._file.add_record(record)
-        self.counts[type(record)] += 1
+    for number, channel in index.channels.items():
+        # A run registers it before the first call.
+        if channel.topic != layout.CALLS_TOPIC:
+            register(number)
+    count, last_step, holes = 0, -1, Holes(index.scenario)
+    for number, step, t_ns, data in source.rows():
+        if number not in channels:
+            register(number)
+        file.add(channels[number], t_ns, data, step)
+        holes.add(index.channels[number].topic, step, data)
+        count, last_step = count + 1, max(last_step, step)
+    file.close(index.metadata.get(layout.INCOMPLETE_METADATA))
+    return count, last_step, holes.found
 
 
 def _planned_steps(scenario: Mapping[str, Any]) -> int | None:

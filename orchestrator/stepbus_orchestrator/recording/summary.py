@@ -1,17 +1,14 @@
 """The summary section of an MCAP file: what the file holds, and where."""
 
 import dataclasses
-import zlib
 from collections import Counter
-from typing import Any
 
 from isal.isal_zlib import crc32
 from mcap import records as mcap
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.recording.chunk import Encoded
-from stepbus_orchestrator.recording.records import CRC_BYTES
+from stepbus_orchestrator.recording.records import CRC_BYTES, bytes_of
 
 _GROUPS = (
     Opcode.SCHEMA,
@@ -25,19 +22,18 @@ _GROUPS = (
 
 
 class Summary:
-    """Collects the summary section while a file is written.
-
-    chunk_index_bytes: size of the index of all chunks so far [bytes].
-    """
+    """Collects the summary section while a file is written."""
 
     def __init__(self) -> None:
         self._records = {opcode: bytearray() for opcode in _GROUPS}
         self._counts: Counter[Opcode] = Counter()
-        # The index records of all chunks are packed: the memory of a run must not grow with it.
-        self._index_packer = zlib.compressobj(1)
-        self.chunk_index_bytes = 0
         self._message_counts: Counter[int] = Counter()
         self._earliest = self._latest = 0
+
+    @property
+    def chunk_index_bytes(self) -> int:
+        """Return the size of the index of all chunks so far [bytes]."""
+        return len(self._records[Opcode.CHUNK_INDEX])
 
     def register(self, record: mcap.Schema | mcap.Channel) -> tuple[int, bytes]:
         """Add a schema or channel under the next free number; return that, and its record."""
@@ -70,20 +66,20 @@ class Summary:
 
     def add_chunk(self, encoded: Encoded, start: int) -> None:
         """Add a chunk that is in the file; start: where it begins [bytes]."""
-        chunk, index = encoded.chunk, encoded.row(start)
+        chunk, row = encoded.chunk, encoded.row
+        row.chunk_start_offset = start
+        for channel in row.message_index_offsets:
+            row.message_index_offsets[channel] += start
         is_first = not self._counts[Opcode.CHUNK_INDEX]
         self._earliest = chunk.earliest if is_first else min(self._earliest, chunk.earliest)
         self._latest = max(self._latest, chunk.latest)
         for channel, entries in chunk.indexes.items():
             self._message_counts[channel] += len(entries) // 2
-        self.chunk_index_bytes += len(index)
-        self._add(Opcode.CHUNK_INDEX, self._index_packer.compress(index))
+        self._add(Opcode.CHUNK_INDEX, bytes_of(row))
 
     def end(self, start: int) -> bytes:
         """Return the section and its footer; to be called once. start: where it begins [bytes]."""
         self._records[Opcode.STATISTICS] += bytes_of(self._statistics())
-        packed = self._records[Opcode.CHUNK_INDEX] + self._index_packer.flush()
-        self._records[Opcode.CHUNK_INDEX] = bytearray(zlib.decompress(packed))
         offsets, end = [], start
         for opcode, records in self._records.items():
             offsets.append(mcap.SummaryOffset(opcode, end, len(records)))
@@ -105,12 +101,3 @@ class Summary:
             metadata_count=self._counts[Opcode.METADATA_INDEX],
             schema_count=self._counts[Opcode.SCHEMA],
         )
-
-
-def bytes_of(*records: mcap.McapRecord) -> bytes:
-    """Return records as they stand in a file."""
-    builder: Any = RecordBuilder()
-    for record in records:
-        record.write(builder)
-    data: bytes = builder.end()
-    return data

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 
-from stepbus_orchestrator.recording import Checkpoints, Recording, SavedState
+from stepbus_orchestrator.recording import Checkpoints, Recording, SavedState, layout
 from stepbus_orchestrator.recording.layout import Source, recording_file
 from stepbus_orchestrator.replay.branch_change import Change
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
-from stepbus_orchestrator.replay.recorded import counts_from_of
 from stepbus_orchestrator.replay.rerun import Repeated
 from stepbus_orchestrator.replay.sources import Sources, own_version_notes, unpack_into
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
@@ -108,7 +107,10 @@ class BranchPlan:
         restored = {name: state.step for name, state in self._restored.items()}
         # What is in a checkpoint is not made again.
         calls = [c for c in self._calls if c.step >= restored.get(c.participant, 0)]
-        steps = {**counts_from_of(self._recording), **dict.fromkeys(self._changed, self.at)}
+        steps = {
+            **self._recording.steps_in(layout.BRANCH_METADATA),
+            **dict.fromkeys(self._changed, self.at),
+        }
         # In the order of the scenario: it is recorded.
         names = (spec.name for spec in self.scenario.participants)
         counts_from = {name: steps[name] for name in names if steps.get(name)}

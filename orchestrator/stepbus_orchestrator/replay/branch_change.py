@@ -5,16 +5,13 @@ import json
 import re
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import (
     check_whole,
-    counts_from_of,
     recorded_end,
     replayable_steps,
-    step_in,
 )
 from stepbus_orchestrator.scenario.faults import format_fault
 from stepbus_orchestrator.scenario.model import Scenario
@@ -108,14 +105,14 @@ class Change:
             raise RecordingFailed(
                 f"step {at} is past the end of {recording.path} ({end} complete steps)"
             )
-        first = step_in(recording, layout.FALLBACK_METADATA, "first")
+        first = recording.steps_in(layout.FALLBACK_METADATA).get("first")
         if first is not None and at > first:
             who = recording.metadata[layout.FALLBACK_METADATA].get("participant", "a participant")
             raise RecordingFailed(
                 f"{recording.path}: {who} failed and was replaced from step {first} on; "
                 "branch at that step or earlier"
             )
-        latest = max(counts_from_of(recording).values(), default=0)
+        latest = max(recording.steps_in(layout.BRANCH_METADATA).values(), default=0)
         if at < latest:
             raise RecordingFailed(
                 f"{recording.path} is a branch from step {latest}: branch at that step "
@@ -136,46 +133,23 @@ class Change:
         return CallRecord(step=self.at, participant=name, method=method, args=args)
 
 
-_MOST = 100
-_UNFIT = re.compile(r"[^A-Za-z0-9._=+-]+")
+_LEADING = re.compile(r"^[^=]*\.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Variant:
-    """One variant. name: `kp=50`, or `kp=50, kd=2`. folder: a name for its folder."""
+def variants(texts: Sequence[str]) -> dict[str, list[str]]:
+    """Return the variants of texts such as `controller.params.kp=50,100,200`, in all combinations.
 
-    name: str
-    overrides: Sequence[str]
-
-    @property
-    def folder(self) -> str:
-        """Return its name without what a folder's should not have."""
-        return _UNFIT.sub("_", self.name.replace(", ", ","))
-
-
-def variants(texts: Sequence[str]) -> list[Variant]:
-    """Return the variants of texts such as `controller.params.kp=50,100,200`.
-
-    Raises WiringError for one that names no values, or where they are too many together.
+    Each has a name, `kp=50` or `kp=50, kd=2`, and its overrides. Raises WiringError for a text
+    without values.
     """
-    rows = [_values(text) for text in texts]
-    given = [
-        Variant(
-            name=", ".join(f"{path.rpartition('.')[2]}={value}" for path, value in chosen),
-            overrides=[f"{path}={value}" for path, value in chosen],
-        )
-        for chosen in itertools.islice(itertools.product(*rows), _MOST + 1)
-    ]
-    if len(given) > _MOST:
-        raise WiringError(f"--vary: at most {_MOST} variants")
-    folders = [variant.folder for variant in given]
-    twice = [variant.name for variant in given if folders.count(variant.folder) > 1]
-    if twice:
-        raise WiringError(f"--vary: variant {twice[0]} is given twice")
-    return given
+    rows = [_overrides(text) for text in texts]
+    return {
+        ", ".join(_LEADING.sub("", override) for override in chosen): list(chosen)
+        for chosen in itertools.product(*rows)
+    }
 
 
-def _values(text: str) -> list[tuple[str, str]]:
+def _overrides(text: str) -> list[str]:
     path, _, values = text.partition("=")
     # As YAML has a list, so that a value may be one itself.
     parsed = parse_yaml(text, f"[{values}]") if path.strip() and values.strip() else []
@@ -183,4 +157,4 @@ def _values(text: str) -> list[tuple[str, str]]:
         raise WiringError(
             f"--vary {text!r}: write PATH=VALUE,VALUE…, e.g. controller.params.kp=50,100"
         )
-    return [(path.strip(), json.dumps(value, ensure_ascii=False)) for value in parsed]
+    return [f"{path.strip()}={json.dumps(value, ensure_ascii=False)}" for value in parsed]

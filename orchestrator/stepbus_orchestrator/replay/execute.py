@@ -9,13 +9,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.analysis.divergence import Divergence, PortResult, fields_of, in_order
+from stepbus_orchestrator.analysis.divergence import PortResult, fields_of, in_order
 from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
 from stepbus_orchestrator.errors import OutputExists, ParticipantFault, argument
-from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import (
-    McapFile,
     Recorder,
     Recording,
     Sink,
@@ -25,20 +23,17 @@ from stepbus_orchestrator.recording import (
 )
 from stepbus_orchestrator.recording.layout import Source
 from stepbus_orchestrator.replay.prepare import Prepared, prepare, shorten
-from stepbus_orchestrator.replay.recorded import Ports, counts_from_of, recorded_descriptions
+from stepbus_orchestrator.replay.recorded import Ports, recorded_descriptions
 from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.replay.trust import find_source, programs_of
-from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.folder import LOGS_FOLDER, read_files, scratch_folder
-from stepbus_orchestrator.run.host import Opening
 from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import at
-from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, partly_recorded
@@ -73,7 +68,7 @@ class Replayed(Repetition):
         folder: Path | None = None,
     ) -> None:
         others = (spec.name for spec in scenario.participants if spec.name != participant)
-        changed = counts_from_of(recording).get(participant, 0)
+        changed = recording.steps_in(layout.BRANCH_METADATA).get(participant, 0)
         super().__init__(
             recording,
             starts_at=dict.fromkeys(others, FAR),
@@ -143,15 +138,9 @@ class Replayed(Repetition):
         for step in range(-(-self._next // every) * every, end, every):
             self.compare_step(name, step, self.outputs.take(name, step), {})
 
-    @property
-    def divergence(self) -> Divergence | None:
-        """Return the first divergence, in the order of the ports within a step."""
-        divergences = (result.divergence for result in self.results())
-        return min((item for item in divergences if item), key=lambda item: item.step, default=None)
-
     def results(self) -> list[PortResult]:
-        """Return what has become of each port."""
-        return [one.result() for one in self.comparisons[self.spec.name].values()]
+        """Return the comparison of each port, by the step of its first divergence."""
+        return in_order(one.result() for one in self.comparisons[self.spec.name].values())
 
 
 def replay(
@@ -221,7 +210,8 @@ def replay(
     replayed.miss_below(end + Schedule(scenario).closing(participant, end))
     if state.end is not None and state.end[0] < end:
         replayed.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
-    divergence = replayed.divergence
+    ports = replayed.results()
+    divergence = ports[0].divergence if ports else None
     here = Path.cwd()
     copied = [] if is_copy or file is not None else _copy_note(opened, participant)
     return ReplayResult(
@@ -231,7 +221,7 @@ def replay(
         steps=state.steps,
         divergence=divergence,
         inputs=inputs_of(opened, scenario, participant, divergence.step) if divergence else {},
-        ports=in_order(replayed.results()),
+        ports=ports,
         wall_s=run.ended_at - state.started_at,
         updated=None if target is None else str(target),
         source=""
@@ -265,34 +255,18 @@ def _run(
     folder: gets the participant's log.
     """
     name, recording = replayed.spec.name, replayed.recording
-    extensions = [replayed, Calls(recorded_calls(recording, name))]
-    opening = Opening(
-        # For the links on the bus.
-        scenario=dataclasses.replace(scenario, participants=(scenario.participant(name),)),
+    host = Processes(start_order=[name], has_slots=False)
+    run = Run(
+        scenario,
+        sink,
+        TimingRecorder(None, host.clock),
         out=folder,
-        logs=folder / LOGS_FOLDER,
-        run=new_token(),
-        token=new_token(),
-        extensions=extensions,
-        interrupt=interrupt or threading.Event(),
-        warn=lambda _name, _text: None,
-        result=bytes,
+        observer=observer,
+        interrupt=interrupt,
+        extensions=[replayed, Calls(recorded_calls(recording, name))],
     )
-    make_new_folder(opening.logs)
-    # Its peers are played, and its window is large.
-    with Processes(start_order=[name], has_slots=False).open(opening) as (bus, strategy):
-        longest_s = scenario.participant(name).deadlines.step_s
-        run = Run(
-            Session(scenario, bus, opening.token, longest_s),
-            strategy,
-            sink,
-            TimingRecorder(None, bus.clock),
-            out=folder,
-            observer=observer,
-            interrupt=interrupt,
-            extensions=extensions,
-        )
-        run_phases(run)
+    make_new_folder(folder / LOGS_FOLDER)
+    run.take_place(host)
     return run
 
 
@@ -313,23 +287,16 @@ def _new_reference(target: Path | None, old: Recording, prepared: Prepared) -> I
         raise OutputExists(
             f"{target} already exists; choose another name with {argument('--update')}"
         )
-    with whole_file(target) as file:
-        _describe(file, old, prepared)
-        versions = layout.versions_of(old.metadata)
-        yield Recorder(file, order, scenario.step_ns, types=scenario.types, versions=versions)
-
-
-def _describe(file: McapFile, old: Recording, prepared: Prepared) -> None:
-    text = old.attachments[layout.SCENARIO_ATTACHMENT]
+    text, contents = old.attachments[layout.SCENARIO_ATTACHMENT], layout.files_of(old.attachments)
     if prepared.is_changed:
-        text = resolved(prepared.scenario).encode()
-    contents = layout.files_of(old.attachments)
+        text = resolved(scenario).encode()
     if prepared.files is not None:
         contents = read_files(prepared.files)
-    file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
-    for name, content in contents.items():
-        file.attach(layout.file_attachment(name), "application/octet-stream", content)
-    participants = {layout.versions_metadata(spec.name) for spec in prepared.scenario.participants}
-    for name, metadata in old.metadata.items():
-        if name not in participants:
-            file.add_metadata(name, metadata)
+    versions = layout.versions_of(old.metadata)
+    own = {layout.versions_metadata(spec.name) for spec in order}
+    with whole_file(target) as file:
+        file.attach_scenario(text, contents)
+        for name, metadata in old.metadata.items():
+            if name not in own:
+                file.add_metadata(name, metadata)
+        yield Recorder(file, order, scenario.step_ns, types=scenario.types, versions=versions)

@@ -55,15 +55,12 @@ class RecordedPrefix(Repetition):
         faults = tuple(fault for fault in scenario.faults if fault.step >= self.at)
         return dataclasses.replace(scenario, faults=faults)
 
-    def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """Return whose steps are those of the recording."""
-        if not self.counts_from:
-            return {}
-        return {layout.BRANCH_METADATA: {name: str(at) for name, at in self.counts_from.items()}}
-
     def attach(self, run: RunView) -> None:
         """Widen the window; a changed participant may end the run from where it counts."""
         super().attach(run)
+        if self.counts_from:
+            steps = {name: str(at) for name, at in self.counts_from.items()}
+            run.recorder.add_metadata(layout.BRANCH_METADATA, steps)
         run.state.barrier.window = max(WINDOW, run.state.scenario.window)
         run.state.ends_from = self.counts_from
 

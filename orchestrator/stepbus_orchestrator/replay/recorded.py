@@ -1,18 +1,13 @@
 """What a recording says a participant published, to be taken step by step."""
 
-from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
 import msgspec
-import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import (
-    BRANCH_METADATA,
     CHAIN_TOPIC,
-    INCOMPLETE_METADATA,
-    step_of,
     topic_of,
 )
 from stepbus_orchestrator.run.kernel.barrier import FAR
@@ -24,40 +19,22 @@ Ports = dict[str, bytes]
 
 
 class RecordedOutputs:
-    """The outputs of participants, read once and taken twice: to be published, and to compare."""
+    """The outputs of participants, read in the order of their steps."""
 
     def __init__(self, recording: Recording, specs: Iterable[ParticipantSpec]) -> None:
         self._recorded: dict[str, Iterator[tuple[int, Ports]]] = {}
-        self._newest: dict[str, tuple[int, Ports]] = {}
-        self._every: dict[str, int] = {}
         for spec in specs:
             topics = [topic_of(spec.name, port) for port in spec.outputs]
             ports = [recording.ports[topic] for topic in topics if topic in recording.ports]
             self._recorded[spec.name] = recording.steps_of(ports)
-            self._newest[spec.name] = (-1, {})
-            self._every[spec.name] = spec.every
-        self._next = dict.fromkeys(self._every, 0)
-        self._read: dict[str, deque[tuple[int, Ports]]] = {name: deque() for name in self._every}
-
-    def ahead(self, name: str, end: int) -> Iterator[tuple[int, Ports]]:
-        """Yield step and outputs of a participant: those of steps below `end`, each only once."""
-        while self._next[name] < end:
-            step = self._next[name]
-            self._next[name] += self._every[name]
-            while self._newest[name][0] < step:
-                self._newest[name] = next(self._recorded[name], (FAR, {}))
-            newest, ports = self._newest[name]
-            read = step, ports if newest == step else {}
-            self._read[name].append(read)
-            yield read
+        self._newest: dict[str, tuple[int, Ports]] = dict.fromkeys(self._recorded, (-1, {}))
 
     def take(self, name: str, step: int) -> Ports:
-        """Return the outputs of a step, in the order of steps, and forget them."""
-        deque(self.ahead(name, step + 1), maxlen=0)
-        read = self._read[name]
-        while read and read[0][0] < step:
-            read.popleft()
-        return read.popleft()[1] if read and read[0][0] == step else {}
+        """Return what a participant published at a step, which is not below the last one taken."""
+        while self._newest[name][0] < step:
+            self._newest[name] = next(self._recorded[name], (FAR, {}))
+        newest, ports = self._newest[name]
+        return ports if newest == step else {}
 
 
 def outputs_of(
@@ -81,30 +58,6 @@ def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Descripti
     return outputs
 
 
-def counts_from_of(recording: Recording) -> dict[str, int]:
-    """Return what the branch that made a recording changed: participant → from which step."""
-    steps = {
-        name: step_in(recording, BRANCH_METADATA, name)
-        for name in recording.metadata.get(BRANCH_METADATA, {})
-    }
-    return {name: step for name, step in steps.items() if step is not None}
-
-
-def step_in(recording: Recording, record: str, key: str) -> int | None:
-    """Return a step of a metadata record; None where it is not there.
-
-    Raises RecordingFailed for what is no step.
-    """
-    text = recording.metadata.get(record, {}).get(key)
-    step = None if text is None else step_of(text)
-    if text is not None and step is None:
-        raise RecordingFailed(
-            f"{recording.path}: metadata record {record!r}: {key} is {text!r}, not a step number; "
-            "another program has changed the file"
-        )
-    return step
-
-
 def check_whole(recording: Recording, scenario: Scenario, names: Iterable[str]) -> None:
     """Raise RecordingFailed where participants read an output that is not recorded whole."""
     for name in names:
@@ -121,20 +74,20 @@ def check_whole(recording: Recording, scenario: Scenario, names: Iterable[str]) 
 def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int:
     """Return how many steps a participant can be replayed for.
 
-    That is up to the end of the run, or to where the recording of the participant, or of one it
-    listens to, was cut off.
+    That is up to the end of the run or, where it failed, of the participant or of its sources.
     """
-    spec = scenario.participant(name)
-    complete = recorded_end(recording)
-    own = _reach(recording, spec)
-    if spec.publishes == "first" and own is not None:
-        # Its newest output is the result of the step before.
-        own -= spec.every
-    ends = [complete if own is None else own]
-    for item in spec.inputs.values():
-        reach = _reach(recording, scenario.participant(item.source))
-        ends.append(complete if reach is None else reach + item.delay)
-    return max(0, min(complete, *ends))
+    spec, end, missing = scenario.participant(name), recorded_end(recording), recording.incomplete
+    ahead = spec.every if spec.publishes == "first" else 0
+    ends = [
+        missing[item.source] + item.delay for item in spec.inputs.values() if item.source in missing
+    ]
+    if name in missing:
+        # What it publishes first is the result of the step before.
+        ends.append(missing[name] - ahead)
+    elif ahead and not recording.messages_sha256:
+        # The recording was cut off, and lacks the result of the last step.
+        ends.append((end - 1) // ahead * ahead)
+    return max(0, min([end, *ends]))
 
 
 def recorded_end(recording: Recording) -> int:
@@ -144,22 +97,3 @@ def recorded_end(recording: Recording) -> int:
     chain = recording.ports[CHAIN_TOPIC].last_step if CHAIN_TOPIC in recording else -1
     # The last chain stands at the end of the run; a recording that was cut off has none there.
     return chain if chain >= max(newest, 0) else newest + 1
-
-
-def _reach(recording: Recording, spec: ParticipantSpec) -> int | None:
-    """Return the first step at which outputs of a participant may be missing; None: unknown.
-
-    A run that failed has recorded it. Otherwise, one that has published at every step it fires at,
-    up to some step, was cut off there; one that publishes now and then may have had nothing more
-    to say.
-    """
-    if (missing := step_in(recording, INCOMPLETE_METADATA, spec.name)) is not None:
-        return missing
-    topics = [topic_of(spec.name, port) for port in spec.outputs]
-    ports = [recording[topic] for topic in topics if topic in recording]
-    count, last = 0, -spec.every
-    for batch in recording.batches(ports):
-        steps = np.unique(np.concatenate([one.steps for one in batch.values()]))
-        count, last = count + len(steps), max(last, int(steps[-1]))
-    dense = count == last // spec.every + 1
-    return last + spec.every if count and dense else None

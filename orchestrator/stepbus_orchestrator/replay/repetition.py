@@ -29,9 +29,6 @@ from stepbus_schemas import HANDSHAKE_STEP, CallRecord, Description, due_step, e
 
 _Put = Callable[..., None]
 
-_CHUNK = 1024
-"""How many steps are read from the recording before those that are complete are written."""
-
 
 class Repetition(RunExtension):
     """Plays what is recorded below a step, and compares what the run records below it.
@@ -84,7 +81,7 @@ class Repetition(RunExtension):
             is_made = call.step < self.starts_at.get(call.participant, 0)
             (self._made if is_made else self._calls).append(call)
         run.recorder.reviser = self
-        self.player = Player(run.session, self.outputs, self.starts_at)
+        self.player = Player(run.session, recording, self.starts_at)
 
     def _comparison(self, spec: ParticipantSpec, port: str) -> PortComparison:
         topic = topic_of(spec.name, port)
@@ -113,14 +110,11 @@ class Repetition(RunExtension):
 
     def act(self) -> None:
         """Publish the recorded outputs of all steps that may be worked on; compare what came."""
-        state, recorder = self.run.state, self.run.recorder
-        complete, limit = state.barrier.completed, min(state.barrier.step_limit, self.at)
-        while self._fed < limit:
-            self._fed = min(self._fed + _CHUNK, limit)
-            self.player.publish_below(self._fed)
-            # A participant that starts at 100,000 would else keep all below it in memory.
-            recorder.write_below(min(self._fed, complete, state.last_step))
-        recorder.write_below(min(complete, state.last_step))
+        state = self.run.state
+        limit = min(state.barrier.step_limit, self.at)
+        self.player.publish(self._fed, limit)
+        self._fed = max(self._fed, limit)
+        self.run.recorder.write_below(min(state.barrier.completed, state.last_step))
 
     # --- comparing ------------------------------------------------------------------------
 
@@ -197,13 +191,13 @@ class Player:
     """
 
     def __init__(
-        self, session: Session, recorded: RecordedOutputs, starts_at: Mapping[str, int]
+        self, session: Session, recording: Recording, starts_at: Mapping[str, int]
     ) -> None:
         self.is_live = False
         self._session = session
-        self._recorded = recorded
         self._needed = _needed(session.scenario, starts_at)
         self._sources = [s for s in session.scenario.participants if s.name in self._needed]
+        self._recorded = RecordedOutputs(recording, self._sources)
         self._puts: dict[str, _Put] = {}
         self._bulk_puts: dict[str, dict[str, _Put]] = {}
         for spec in self._sources:
@@ -212,7 +206,7 @@ class Player:
     def _open(self, spec: ParticipantSpec) -> None:
         bus, into = self._session.bus, self._session.inbox.into
         # The orchestrator's own subscribers do not get what it publishes (`remote`).
-        publisher = partial(self._session.announcer.publisher, remote=True)
+        publisher = partial(self._session.publisher, remote=True)
         key = f"out/{spec.name}"
         put = self._puts[spec.name] = publisher(key, "Outputs/1")
         bulk = {port: f"bulk/{spec.name}/{port}" for port, o in spec.outputs.items() if o.bulk}
@@ -242,12 +236,12 @@ class Player:
             for put in self._bulk_puts[spec.name].values():
                 put(b"", attachment=stamp(HANDSHAKE_STEP, self._session.token))
 
-    def publish_below(self, step: int) -> None:
-        """Publish all recorded outputs of steps below `step` that any participant has to get."""
+    def publish(self, first: int, end: int) -> None:
+        """Publish the recorded outputs of steps from `first` below `end` that any input lacks."""
         for spec in self._sources:
-            for recorded_step, ports in self._recorded.ahead(spec.name, step):
-                if recorded_step >= self._needed[spec.name]:
-                    self._publish(spec, recorded_step, ports)
+            start = max(first, self._needed[spec.name])
+            for step in range(-(-start // spec.every) * spec.every, end, spec.every):
+                self._publish(spec, step, self._recorded.take(spec.name, step))
 
     def _publish(self, spec: ParticipantSpec, step: int, ports: Ports) -> None:
         """Publish the outputs of a step, bulk content first."""

@@ -11,7 +11,7 @@ from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.layout import Source, recording_file
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
-from stepbus_orchestrator.replay.recorded import counts_from_of, recorded_end
+from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.replay.sources import (
     Sources,
     own_version_notes,
@@ -102,7 +102,7 @@ class Preparation:
         """Run, and compare with the recording; observer, interrupt: as in `run`."""
         recording, end = self._recording, recorded_end(self._recording)
         # The first steps of a branch can only come from its recording.
-        changed = counts_from_of(recording)
+        changed = recording.steps_in(layout.BRANCH_METADATA)
         prefix = [RecordedPrefix(recording, max(changed.values()), changed)] if changed else []
         options = Options(out=self._out, extensions=[*prefix, Calls(recorded_calls(recording))])
         result = run(self.scenario, options, observer, interrupt)

@@ -76,22 +76,26 @@ _FIRST_STOP_S = 0.01
 _LONGEST_S = 60.0
 
 
-class Announcer:
-    """Publishes, under a watchdog: a put to a process that reads nothing blocks (P2.5).
+class Session:
+    """The bus of one run: what it publishes, under a watchdog, and its inbox.
 
-    Start, trigger and stop are repeated until their effect is seen, since what is published before
-    a link is complete is lost; less and less often, since each message to a frozen participant
-    fills a buffer.
+    A put to a process that reads nothing blocks (P2.5). Start, trigger and stop are repeated until
+    their effect is seen, since what is published before a link is complete is lost; less and less
+    often, since each message to a frozen participant fills a buffer.
 
-    limit_s: how long a put may block [s]. on_block: is called on the watchdog's thread when one
-    takes longer, and has to end the process that reads nothing.
+    on_block: is called on the watchdog's thread when a put takes longer than the longest deadline
+    for a step, and has to end the process that reads nothing.
     """
 
-    def __init__(self, bus: Bus, token: str, limit_s: float) -> None:
-        self.on_block: Callable[[], None] = lambda: None
-        self._bus = bus
-        self._token = token
-        self._watchdog = Watchdog(limit_s, self._blocked, bus.clock, bus.every)
+    def __init__(
+        self, scenario: Scenario, bus: Bus, token: str, on_block: Callable[[], None]
+    ) -> None:
+        self.scenario = scenario
+        self.bus = bus
+        self.token = token
+        self.inbox = Inbox(bus.queue())
+        longest_s = max(spec.deadlines.step_s for spec in scenario.participants)
+        self._watchdog = Watchdog(longest_s, on_block, bus.clock, bus.every)
         self._put_start = self.publisher("start", "Start/1")
         self._put_trigger = self.publisher("trigger", "Trigger/1")
         self._put_stop = self.publisher("stop", "Stop/1")
@@ -106,7 +110,7 @@ class Announcer:
 
         remote: the orchestrator's own subscribers do not get them.
         """
-        put = self._bus.publisher(key, encoding_of(type_name), remote=remote)
+        put = self.bus.publisher(key, encoding_of(type_name), remote=remote)
         start, end = self._watchdog.start, self._watchdog.end
 
         def watched_put(data: bytes, **options: bytes) -> None:
@@ -136,7 +140,7 @@ class Announcer:
 
     def stop(self, reason: str, at_step: int) -> None:
         """End every participant; negative `at_step`: at once (P11.1)."""
-        self._stop = encode(Stop(token=self._token, reason=reason, at_step=at_step))
+        self._stop = encode(Stop(token=self.token, reason=reason, at_step=at_step))
         self._set_pause(_FIRST_STOP_S)
         self._put_stop(self._stop)
 
@@ -156,18 +160,15 @@ class Announcer:
         """Stop the watchdog; nothing is published afterwards."""
         self._watchdog.close()
 
-    def _blocked(self) -> None:
-        self.on_block()
-
     def _trigger(self) -> bytes:
-        return encode(Trigger(token=self._token, step_limit=self._step_limit))
+        return encode(Trigger(token=self.token, step_limit=self._step_limit))
 
     def _set_pause(self, pause_s: float) -> None:
         self._pause_s = pause_s
-        self._due_s = self._bus.clock.monotonic() + pause_s
+        self._due_s = self.bus.clock.monotonic() + pause_s
 
     def _is_time(self) -> bool:
-        now = self._bus.clock.monotonic()
+        now = self.bus.clock.monotonic()
         if now < self._due_s:
             return False
         self._pause_s = min(2 * self._pause_s, _LONGEST_S)
@@ -183,24 +184,6 @@ def open_bus(endpoint: Endpoint, run: str) -> ZenohBus:
         raise BusFailed(str(exc)) from exc
 
 
-class Session:
-    """The bus of one run, with its token.
-
-    limit_s: how long a participant may read nothing while something is published to it [s];
-    default: the longest deadline for a step.
-    """
-
-    def __init__(
-        self, scenario: Scenario, bus: Bus, token: str, limit_s: float | None = None
-    ) -> None:
-        self.scenario = scenario
-        self.bus = bus
-        self.token = token
-        longest_s = max(spec.deadlines.step_s for spec in scenario.participants)
-        self.announcer = Announcer(bus, token, longest_s if limit_s is None else limit_s)
-        self.inbox = Inbox(bus.queue())
-
-
 def subscribe(
     session: Session, messages: MessageHandler, followed: Mapping[str, Callable[[bytes], None]]
 ) -> None:
@@ -208,10 +191,10 @@ def subscribe(
 
     followed: participant → what gets what it publishes, beside its log.
     """
-    bus, inbox, announcer = session.bus, session.inbox, session.announcer
+    bus, inbox = session.bus, session.inbox
     bus.answer(
         "join",
-        inbox.into(lambda it: messages.take_join(it.payload, partial(announcer.reply, it))),
+        inbox.into(lambda it: messages.take_join(it.payload, partial(session.reply, it))),
     )
     subscribe_named(session, "ready/*", messages.take_ready)
     subscribe_named(session, "fault/*", messages.take_fault)

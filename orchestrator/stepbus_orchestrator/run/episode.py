@@ -7,21 +7,21 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, cast
 
 from greenlet import getcurrent, greenlet
 
 from stepbus_orchestrator.errors import Interrupted, RunFailure
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.inprocess.local_run import LocalRun, alone
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import Config, Participant, Queue, Step, StepsOver
 from stepbus_schemas import StepbusError, WiringError
 
@@ -63,7 +63,7 @@ class Episode(RunExtension):
         self._make = make
         self._options = Options(
             out=out,
-            host=InProcess(caller=self),
+            host=InProcess(has_caller=True),
             is_recorded=is_recorded,
             extensions=[self, Debug(no_deadline=[name])],
         )
@@ -168,6 +168,16 @@ class Episode(RunExtension):
 
     # --- the run's side -------------------------------------------------------------------
 
+    def attach(self, run: RunView) -> None:
+        """Work for the participant where no other one can."""
+        super().attach(run)
+        self.local = cast("LocalRun", run.strategy)
+        self.local.hub.away = self._away
+
+    def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
+        """Return what makes the participant."""
+        return {"make": self._make_participant} if spec.name == self.name else {}
+
     def adapt(self, scenario: Scenario) -> Scenario:
         """Return the scenario without an end: the caller sees the outcome of the last step."""
         return dataclasses.replace(scenario, steps=None)
@@ -178,8 +188,7 @@ class Episode(RunExtension):
         except (StepbusError, OSError) as exc:
             self._outcome = exc
 
-    def make(self, config: Config) -> Participant:
-        """Return what takes part."""
+    def _make_participant(self, config: Config) -> Participant:
         queue = self._queue = self.local.hub.queue()
 
         def await_answer(step: Step) -> Any:
@@ -193,7 +202,7 @@ class Episode(RunExtension):
 
         return self._make(config, await_answer)
 
-    def away(self) -> bool:
+    def _away(self) -> bool:
         """Hand over to the caller, where the participant waits for it."""
         if not self._is_waiting or self._queue is None:
             return False

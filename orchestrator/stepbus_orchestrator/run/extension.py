@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.processes.slots import RunSlots
 from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.kernel.barrier import FAR, Gate
@@ -22,17 +23,43 @@ from stepbus_participant import Clock
 from stepbus_schemas import Message, error_text
 
 
+class Strategy:
+    """How a run gets its participants.
+
+    has_links: whether messages between them travel over a transport. slots: what they share files
+    by.
+    """
+
+    has_links = False
+    slots: RunSlots = RunSlots()
+
+    def launch(self, run: RunView) -> None:
+        """Start them, and hand each to `run.started`.
+
+        Raises StartFailed when one cannot be started.
+        """
+        raise NotImplementedError
+
+
 class RunView(Protocol):
     """What an extension, and a host, may use of a run.
 
-    state: how far it is. session: its end of the bus. recorder: gets the outputs. timing: gets what
-    the clock shows. out: folder of the run. observer: is notified of progress. interrupt: ends the
-    run when it is set. messages: takes what participants send. gates: hold steps. descriptions: of
-    all outputs, from the end of the start-up on. is_timed: whether the clock says when steps begin.
+    key, token: its key space on the bus, and its secret. is_star: whether participants are linked
+    to the orchestrator only, which passes on what they publish. state: how far it is; its scenario
+    is that of the participants. session: its end of the bus. strategy: how it gets its
+    participants. recorder: gets the outputs. timing: gets what the clock shows. out: folder of the
+    run. observer: is notified of progress. interrupt: ends the run when it is set. messages: takes
+    what participants send. gates: hold steps. descriptions: of all outputs, from the end of the
+    start-up on. is_timed: whether the clock says when steps begin. warn: gets a participant and
+    what it has left behind. result: returns what result.json would hold, were the run over.
     """
 
+    key: str
+    token: str
+    is_star: bool
     state: RunState
     session: Session
+    strategy: Strategy
     recorder: Sink
     timing: TimingRecorder
     clock: Clock
@@ -43,6 +70,8 @@ class RunView(Protocol):
     gates: list[Gate]
     descriptions: Descriptions
     is_timed: bool
+    warn: Callable[[str, str], None]
+    result: Callable[[], bytes]
 
     def newest(self, output: str) -> Message | None:
         """Return the newest message of an output, such as `plant.joint_state`; None before one."""
@@ -90,10 +119,6 @@ class RunExtension:
     def adapt(self, scenario: Scenario) -> Scenario:
         """Return the scenario that the participants get; the recording keeps the original."""
         return scenario
-
-    def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """Return facts to record before the first message: name → content."""
-        return {}
 
     def attach(self, run: RunView) -> None:
         """Attach to the run: its bus is open, and no participant has started."""

@@ -4,77 +4,13 @@
 """
 
 import threading
-from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-from stepbus_orchestrator.processes.slots import RunSlots
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_participant import Bus, Clock, Config, Disk, Participant
+from stepbus_participant import Bus, Clock, Disk
 
-from .extension import RunExtension, RunView
-
-
-class Strategy:
-    """How a run gets its participants.
-
-    has_links: whether messages between them travel over a transport. slots: what they share files
-    by.
-    """
-
-    has_links = False
-    slots: RunSlots = RunSlots()
-
-    def launch(self, run: RunView) -> None:
-        """Start them, and hand each to `run.started`.
-
-        Raises StartFailed when one cannot be started.
-        """
-        raise NotImplementedError
-
-
-@dataclass(frozen=True, kw_only=True)
-class Opening:
-    """What a host needs to know of a run.
-
-    scenario: checked. out: folder of the run, an absolute path. logs: folder of the participants'
-    logs. run, token: its key space and its secret. extensions: its features. interrupt: ends it
-    when it is set. warn: takes a participant and what it has left behind. result: returns what
-    result.json would hold, were the run over.
-    """
-
-    scenario: Scenario
-    out: Path
-    logs: Path
-    run: str
-    token: str
-    extensions: Sequence[RunExtension]
-    interrupt: threading.Event
-    warn: Callable[[str, str], None]
-    result: Callable[[], bytes]
-
-    @property
-    def is_star(self) -> bool:
-        """Return whether participants are linked to the orchestrator only."""
-        return any(extension.is_star for extension in self.extensions)
-
-
-class Caller(Protocol):
-    """Our caller, who makes the steps of a run in one process, in place of a participant.
-
-    name: of the participant. local: the run, once it is open.
-    """
-
-    name: str
-    local: Any
-
-    def make(self, config: Config) -> Participant:
-        """Return the participant."""
-
-    def away(self) -> bool:
-        """Work where no participant can; return whether one can now."""
+from .extension import RunView, Strategy
 
 
 class Host(Protocol):
@@ -94,5 +30,5 @@ class Host(Protocol):
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run here, with every reason."""
 
-    def open(self, opening: Opening) -> AbstractContextManager[tuple[Bus, Strategy]]:
+    def open(self, run: RunView) -> AbstractContextManager[tuple[Bus, Strategy]]:
         """Open the bus of a run, and return how it gets its participants; end them all."""

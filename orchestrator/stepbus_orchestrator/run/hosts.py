@@ -1,12 +1,12 @@
 """The hosts that ship: a process for each participant, or all of them in this one."""
 
 import contextlib
+import dataclasses
 import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from typing import ClassVar
 
 from stepbus_orchestrator.processes.child import Child
@@ -15,8 +15,8 @@ from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.slots import RunSlots, make_slots
 from stepbus_orchestrator.processes.warm import all_started, warm_parent
 from stepbus_orchestrator.run.bus import open_bus
-from stepbus_orchestrator.run.extension import RunView
-from stepbus_orchestrator.run.host import Caller, Opening, Strategy
+from stepbus_orchestrator.run.extension import RunView, Strategy
+from stepbus_orchestrator.run.folder import LOGS_FOLDER
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.live_file import Live, forget
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
@@ -24,11 +24,11 @@ from stepbus_orchestrator.scenario.program import start_command
 from stepbus_participant import Bus, Clock, Disk
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Processes:
     """Starts a process for each participant, and links them over Zenoh.
 
-    start_order: names of the participants in the order they are started; default: that of the
+    start_order: names of the participants that are started, in this order; default: all, as in the
     scenario. has_slots: whether bulk content goes through files, where all can (P17). around: is
     entered before the first is started and left after the last has ended; it gets their processes
     by name.
@@ -48,35 +48,38 @@ class Processes:
         """Do nothing: every scenario runs here."""
 
     @contextlib.contextmanager
-    def open(self, opening: Opening) -> Iterator[tuple[Bus, Strategy]]:
+    def open(self, run: RunView) -> Iterator[tuple[Bus, Strategy]]:
         """Open the bus of a run; at the end, say what its processes have left behind."""
-        launcher = Launcher(run=opening.run, token=opening.token, logs=opening.logs)
+        launcher = Launcher(run=run.key, token=run.token, logs=run.out / LOGS_FOLDER)
         held = contextlib.ExitStack()
         try:
-            mesh = make_mesh(
-                opening.scenario, launcher.folder, opening.run, held, is_star=opening.is_star
-            )
+            scenario = run.state.scenario
+            specs = [one for one in scenario.participants if one.name in self._order(scenario)]
+            started = dataclasses.replace(scenario, participants=tuple(specs))
+            mesh = make_mesh(started, launcher.folder, run.key, held, is_star=run.is_star)
             slots = RunSlots()
             # The orchestrator passes on what it plays.
-            if self.has_slots and not opening.is_star:
-                slots = make_slots(opening.scenario, launcher)
-            classes = [one.participant for one in opening.scenario.participants if one.participant]
+            if self.has_slots and not run.is_star:
+                slots = make_slots(scenario, launcher)
+            classes = [one.participant for one in specs if one.participant]
             with (
                 warm_parent(classes),
                 self.around(launcher.children),
                 contextlib.ExitStack() as stack,
             ):
-                bus = open_bus(mesh.orchestrator, opening.run)
+                bus = open_bus(mesh.orchestrator, run.key)
                 stack.callback(bus.close)
-                live = Live(run=opening.run, token=opening.token, endpoint=mesh.caller)
-                live.save(opening.out)
-                stack.callback(forget, opening.out)
+                Live(run=run.key, token=run.token, endpoint=mesh.caller).save(run.out)
+                stack.callback(forget, run.out)
                 stack.callback(slots.close)
-                yield bus, _Launch(launcher, mesh, slots, self.start_order)
+                yield bus, _Launch(launcher, mesh, slots, self._order(scenario))
         finally:
             held.close()
-            for left in launcher.end_all():
-                opening.warn(left.participant, left.text())
+            for name, text in launcher.end_all():
+                run.warn(name, text)
+
+    def _order(self, scenario: Scenario) -> Sequence[str]:
+        return self.start_order or [spec.name for spec in scenario.participants]
 
 
 class _Launch(Strategy):
@@ -85,7 +88,7 @@ class _Launch(Strategy):
     has_links = True
 
     def __init__(
-        self, launcher: Launcher, mesh: Mesh, slots: RunSlots, start_order: Sequence[str] | None
+        self, launcher: Launcher, mesh: Mesh, slots: RunSlots, start_order: Sequence[str]
     ) -> None:
         self._mesh = mesh
         self.slots = slots
@@ -94,9 +97,8 @@ class _Launch(Strategy):
 
     def launch(self, run: RunView) -> None:
         """Start the participants in their order; let the user start those that are external."""
-        scenario = run.state.scenario
-        for name in self._start_order or [spec.name for spec in scenario.participants]:
-            run.started(self._start(scenario.participant(name), run))
+        for name in self._start_order:
+            run.started(self._start(run.state.scenario.participant(name), run))
         all_started()
 
     def _start(self, spec: ParticipantSpec, run: RunView) -> ParticipantState:
@@ -116,36 +118,36 @@ class _Launch(Strategy):
 # A run in processes of their own is quicker to start without what is imported below.
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class InProcess:
     """Has all participants in this process.
 
     owns_descriptors: descriptors 1 and 2 are the run's alone, and what libraries in C print goes to
-    a log. caller: makes the steps, in place of a participant, and keeps runs of other threads off.
+    a log. has_caller: our caller makes the steps, and keeps runs of other threads off.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     owns_descriptors: bool = False
-    caller: Caller | None = None
+    has_caller: bool = False
 
     def alone(self, interrupt: threading.Event) -> AbstractContextManager[None]:
         """Wait until no run in one process of another thread goes on, and keep it so."""
         from stepbus_orchestrator.run.inprocess.local_run import alone  # noqa: PLC0415
 
-        return alone(interrupt) if self.caller is None else nullcontext()
+        return nullcontext() if self.has_caller else alone(interrupt)
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""
         from stepbus_orchestrator.run.inprocess.local_run import check_scenario  # noqa: PLC0415
 
-        check_scenario(scenario, has_caller=self.caller is not None)
+        check_scenario(scenario, has_caller=self.has_caller)
 
     @contextlib.contextmanager
-    def open(self, opening: Opening) -> Iterator[tuple[Bus, Strategy]]:
+    def open(self, run: RunView) -> Iterator[tuple[Bus, Strategy]]:
         """Put the process in order for participants, and back at the end."""
         from stepbus_orchestrator.run.inprocess.local_run import LocalRun  # noqa: PLC0415
 
-        local = LocalRun(opening, self.clock, self.caller)
+        local = LocalRun(run, self.clock)
         with local.opened(owns_descriptors=self.owns_descriptors):
             yield local.bus, local

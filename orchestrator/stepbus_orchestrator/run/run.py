@@ -1,4 +1,4 @@
-"""A run while it lasts: one wait, one check of deadlines and processes, one release."""
+"""A run, from the start of its participants to their end (P4, P5, P11)."""
 
 import contextlib
 import signal
@@ -7,22 +7,35 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.errors import Interrupted, RunFailure
-from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
+from stepbus_orchestrator.errors import (
+    Interrupted,
+    ParticipantDied,
+    RunFailure,
+    StopTimeout,
+)
+from stepbus_orchestrator.processes.child import TERM_GRACE_S
+from stepbus_orchestrator.processes.endpoints import new_token
+from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder, layout
 from stepbus_orchestrator.run.bus import Session, subscribe
+from stepbus_orchestrator.run.kernel.admission import batches_of
 from stepbus_orchestrator.run.kernel.barrier import Gate, step_limit
-from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
+from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.run.repeats import Repeats
 from stepbus_orchestrator.run.reports import Observer, Progress, progress_of
+from stepbus_orchestrator.run.safe_messages import motion_at_end
 from stepbus_orchestrator.run.safe_stop import SafeStop
-from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_schemas import Message, reached
+from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.schedule import Schedule
+from stepbus_participant import Bus
+from stepbus_schemas import Message, Start, encode, reached
 
-from .extension import RunExtension, overriding
-from .host import Strategy
+from .extension import RunExtension, Strategy, overriding
+from .host import Host
+from .kernel.deadlines import check_bulk, check_closing, check_start, check_step
 from .kernel.failures import death, kept_thread, took_nothing
 from .kernel.messages import MessageHandler
-from .kernel.participants import ParticipantState
+from .kernel.participants import ParticipantState, Phase
 
 TICK_S = 0.05
 SHORT_TICK_S = TICK_S / 5
@@ -32,6 +45,12 @@ _LAST_REPORTS_S = 0.1
 """Participants that wait for a dead process report after 20 ms at which step (P9.2, P9.3)."""
 _LATE_REPORTS_S = 1.0
 """The same on a busy machine, where one of them has not."""
+_LAST_S = 0.5
+"""How long the last messages of a process may come behind its end [s]."""
+_OWN_WORK_S = 60.0
+"""How long a program that has left a complete run may work on, to save a plot for example [s]."""
+_LEAVE_S = 1.0
+"""How long a run that has failed waits for a process that the user has started [s]."""
 
 _PROGRESS_EVERY = 5
 _FLUSH_EVERY = 4
@@ -39,23 +58,17 @@ _FLUSH_EVERY = 4
 
 
 class Run:
-    """A run, from the start of its participants to their end; `phases.run_phases` drives it.
+    """One run, as extensions see it in `RunView`; `take_place` goes through its phases.
 
-    session: its end of the bus. strategy: how it gets its participants. recorder: gets their
-    outputs. timing: gets what the clock shows. out: folder of the run. observer: is notified of
-    progress. interrupt: ends the run when it is set. extensions: its features.
-
-    state: how far it is. messages: takes what participants send. gates: hold steps. descriptions:
-    of all outputs, from the end of the start-up on. killed: those that read nothing, and blocked
-    all others. ended_at: when the stop was sent, by the monotonic clock [s]. is_recorded: whether
-    the recorder has been asked to finish, so that it must not be asked to abort. is_timed: whether
-    the clock says when steps begin.
+    extensions: its features. is_attached: whether it has
+    been on the bus. killed: those that read nothing, and blocked all others. ended_at: when the
+    stop was sent, by the monotonic clock [s]. is_recorded: whether the recorder has been asked to
+    finish, so that it must not be asked to abort.
     """
 
     def __init__(
         self,
-        session: Session,
-        strategy: Strategy,
+        scenario: Scenario,
         recorder: Sink,
         timing: TimingRecorder,
         *,
@@ -63,30 +76,25 @@ class Run:
         observer: Observer | None = None,
         interrupt: threading.Event | None = None,
         extensions: Sequence[RunExtension] = (),
+        warn: Callable[[str, str], None] = lambda _name, _text: None,
+        result: Callable[[], bytes] = bytes,
     ) -> None:
-        self.state = RunState(session.scenario)
-        self.session = session
-        self.strategy = strategy
+        for extension in extensions:
+            scenario = extension.adapt(scenario)
+        self.key, self.token = new_token(), new_token()
+        self.is_star = any(extension.is_star for extension in extensions)
+        self.state = RunState(scenario)
         self.recorder = recorder
-        self.announcer = session.announcer
-        self.clock = session.bus.clock
         self.timing = timing
         self.out = out
         self.observer = observer or Observer()
         self.interrupt = interrupt or threading.Event()
         self.extensions = extensions
+        self.warn = warn
+        self.result = result
         self.descriptions: Descriptions = {}
         self.ended_at = 0.0
         self.is_recorded = False
-        self.messages = MessageHandler(
-            self.state,
-            session.token,
-            recorder,
-            timing,
-            take_slots=strategy.slots.take,
-        )
-        self.safe_stop = SafeStop(session, self.state, self.messages)
-        self.repeats = Repeats(session, self.state, self.messages, timing)
         # A step calls only the extensions that have something to do in it.
         self.gates: list[Gate] = overriding(extensions, "limit")
         self._turns = overriding(extensions, "turn")
@@ -94,21 +102,279 @@ class Run:
         self._completions = overriding(extensions, "completed")
         self._releases = overriding(extensions, "released")
         self._waits = overriding(extensions, "wait_s")
-        self.is_timed = False
+        self.is_attached = self.is_timed = False
         self._completed = 0
         self._looked_at = 0
-        self._began = self.clock.monotonic()
-        self._checked_at = self._began
         self._ticks = 0
         self.killed: list[str] = []
-        self.announcer.on_block = self._kill_blockers
-        for extension in extensions:
+
+    def take_place(self, host: Host) -> str:
+        """Go through all phases on a host, and return why the run ended.
+
+        Every process is ended, whatever happens. Raises RunFailure when the run ends before its
+        time, or a participant does not end as it should.
+        """
+        with host.open(self) as (bus, strategy):
+            self.attach(bus, strategy)
+            try:
+                return self._go_through_phases()
+            finally:
+                for extension in self.extensions:
+                    extension.close()
+
+    def attach(self, bus: Bus, strategy: Strategy) -> None:
+        """Listen to the bus, and let extensions attach; no participant has started."""
+        self.strategy = strategy
+        self.clock = bus.clock
+        self._began = self._checked_at = self.clock.monotonic()
+        session = self.session = Session(self.state.scenario, bus, self.token, self._kill_blockers)
+        self.messages = MessageHandler(
+            self.state, self.token, self.recorder, self.timing, take_slots=strategy.slots.take
+        )
+        self.safe_stop = SafeStop(self)
+        self._repeats = Repeats(self)
+        for extension in self.extensions:
             extension.attach(self)
+        self.is_attached = True
         subscribe(session, self.messages, self.safe_stop.followed)
+
+    def _go_through_phases(self) -> str:
+        failure: RunFailure | None = None
+        try:
+            failure = self._until_shutdown()
+        except BaseException:
+            self.stop("the orchestrator ends")
+            raise
+        finally:
+            self.state.enter(RunPhase.SHUTDOWN)
+            late = self._shut_down(failure)
+        if failure is not None:
+            raise failure
+        self._check_ends(late)
+        return self.state.reason
+
+    def _until_shutdown(self) -> RunFailure | None:
+        """Go through the phases before the shutdown; return what ends the run before its time."""
+        failure: RunFailure | None = None
+        try:
+            self._start_up()
+            self.state.enter(RunPhase.STEPPING)
+            try:
+                self._step()
+            except RunFailure as exc:
+                # Behind what cannot be recorded, safe messages would leave a hole.
+                if self.recorder.has_broken(exc.participant) or not self.safe_stop.can_handle(exc):
+                    raise
+                failure = exc
+                self.state.enter(RunPhase.FALLBACK)
+                self._fall_back(exc)
+            self.state.enter(RunPhase.CLOSING)
+            self._close()
+            if failure is not None:
+                failure = self._after_fallback(failure)
+        except RunFailure as exc:
+            if failure is not None:
+                reached("something fails while a participant is replaced")
+                failure = _extended(failure, f"while its commands were held: {exc}", exc)
+            failure = failure or exc
+        if failure is not None:
+            self.stop(str(failure))
+        return failure
+
+    # --- start-up -------------------------------------------------------------------------
+
+    def _start_up(self) -> None:
+        """Start every participant, wait until all are ready, and publish the `Start`."""
+        state = self.state
+        self.strategy.launch(self)
+        while not state.is_ready:
+            for extension in self.extensions:
+                extension.awaiting(state.participants.values())
+            self._turn(lambda elapsed_s: check_start(state, elapsed_s))
+        ready = {one.name: one.ready for one in state.participants.values() if one.ready}
+        outputs = {name: dict(item.outputs) for name, item in ready.items()}
+        self.descriptions = {**self.descriptions, **outputs}
+        inputs = input_descriptions(state.scenario, self.descriptions)
+        check_descriptions(state.participants, inputs)
+        versions = {name: dict(item.versions) for name, item in ready.items()}
+        self.recorder.open_channels(self.descriptions, versions)
+        batches = {} if state.is_repeating else batches_of(state.scenario, state.participants)
+        slots = self.strategy.slots.agree(ready)
+        if self.strategy.has_links:
+            state.check_bulk(slots)
+        message = encode(Start(token=self.token, inputs=inputs, batches=batches, slots=slots))
+        state.check_size("the descriptions of all inputs", message)
+        for extension in self.extensions:
+            extension.ready()
+        self.timing.event("start")
+        state.started_at = self.clock.monotonic()
+        self.session.start(message)
+
+    # --- stepping and closing -------------------------------------------------------------
+
+    def _step(self) -> None:
+        """Release step after step until the last one is complete."""
+        state, barrier = self.state, self.state.barrier
+        self._release(always=True)
+        while not state.is_complete:
+            before = barrier.count
+            self._turn(self._check)
+            if barrier.count == before:
+                # A participant may have missed it: it was published before the link was complete.
+                self.session.repeat(with_start=not barrier.has_all_started)
+
+    def _check(self, elapsed_s: float) -> None:
+        self._release(always=True)
+        # No participant is late while a gate holds the run.
+        if not self.state.is_held:
+            check_step(self.state, elapsed_s)
+            self._repeats.look(self.state.barrier.holders(), "step")
+
+    def _close(self) -> None:
+        """Ask for the closing outputs (P11.3), and finish the recording behind them."""
+        state, end = self.state, self.state.last_step
+        schedule = Schedule(state.scenario)
+        closing = [name for name in schedule.order if schedule.closing(name, end)]
+        self.stop(state.reason, at_step=end)
+        while any(state.barrier.reported[name] < end for name in closing):
+            self._turn(lambda elapsed_s: self._check_closing(closing, elapsed_s))
+        began = self.clock.monotonic()
+        while self.recorder.owing_bulk():
+            self._turn(
+                lambda _: check_bulk(
+                    state, self.recorder.owing_bulk(), self.clock.monotonic() - began
+                )
+            )
+        self.is_recorded = True
+        self.recorder.finish(end, closing)
+
+    def _check_closing(self, closing: list[str], elapsed_s: float) -> None:
+        check_closing(self.state, closing, elapsed_s)
+        reported, end = self.state.barrier.reported, self.state.last_step
+        owing = [name for name in closing if reported[name] < end]
+        self._repeats.look(owing, "stop")
+
+    # --- fallback -------------------------------------------------------------------------
+
+    def _fall_back(self, failure: RunFailure) -> None:
+        """Replace the participant that failed for as long as the scenario says (`on_fault`)."""
+        participant = self.state.participants[failure.participant or ""]
+        name = participant.name
+        reached("a participant is replaced")
+        participant.process.signal(signal.SIGKILL)
+        participant.process.wait(LONGEST_TICK_S)
+        self.state.replaced = name
+        self._receive_last_reports(name)
+        first, until = self.safe_stop.start(name)
+        self.state.end = (until, f"{name} has failed; its commands were held")
+        self.recorder.add_metadata(
+            layout.FALLBACK_METADATA,
+            {"participant": name, "first": str(first), "until": str(until)},
+        )
+        self.timing.event("hold", name, f"steps {first} to {until - 1}")
+        self.observer.event("error", name, first, f"{failure}; holding until step {until}")
+        self._step()
+
+    def _after_fallback(self, failure: RunFailure) -> RunFailure:
+        """Return the failure of a run that has come to its safe stop."""
+        reached("a run comes to its safe stop")
+        first, until = self.safe_stop.replaced_steps
+        rests = motion_at_end(self.state.scenario, self.descriptions, self.state.newest)
+        text = f"its commands were held from step {first} to {until} {rests}"
+        return _extended(failure, text, failure)
+
+    # --- shutdown -------------------------------------------------------------------------
+
+    def _shut_down(self, failure: RunFailure | None) -> list[ParticipantState]:
+        """End every process, take what is still reported, and return those that were late.
+
+        Each has its stop deadline. The run does not wait for the culprit, nor for a participant
+        that is not ready: it has nothing to save.
+        """
+        participants = self.state.participants
+        culprit = participants.get(failure.participant or "") if failure is not None else None
+        if culprit is not None and culprit.external is None:
+            # Before the others: a process that reads nothing blocks those that publish to it.
+            culprit.process.end()
+        waits_for = [
+            one
+            for one in participants.values()
+            if one.phase == Phase.READY
+            and (one is not culprit or one.external is not None)
+            # In a run that has failed, one that is stopped as well would only be waited for.
+            and not (failure is not None and one.process.activity().is_stopped)
+        ]
+        late = self._await_ends(waits_for, has_failed=failure is not None)
+        for one in participants.values():
+            one.process.terminate()
+        # They share the grace between the two signals.
+        give_up = self.clock.monotonic() + TERM_GRACE_S
+        for one in participants.values():
+            one.process.end(max(0.0, give_up - self.clock.monotonic()))
+        # What they published before they ended may arrive after their exit codes.
+        give_up = self.clock.monotonic() + _LAST_S
+        self._receive_after_failure(0.0)
+        while self.clock.monotonic() < give_up and not all(
+            one.has_left or one.external is not None for one in waits_for
+        ):
+            self._receive_after_failure(SHORT_TICK_S)
+        self.session.close()
+        return late
+
+    def _await_ends(
+        self, participants: list[ParticipantState], *, has_failed: bool
+    ) -> list[ParticipantState]:
+        began = self.clock.monotonic()
+        while True:
+            left = [one for one in participants if one.process.exit_code() is None]
+            waited_s = self.clock.monotonic() - began
+            if not any(waited_s < self._patience_s(one, has_failed=has_failed) for one in left):
+                return left
+            for extension in self.extensions:
+                extension.awaiting(left)
+            self.session.repeat_stop()
+            self._receive_after_failure(SHORT_TICK_S)
+
+    def _patience_s(self, participant: ParticipantState, *, has_failed: bool) -> float:
+        """Return how long a participant may take to end [s]; not long after Ctrl-C."""
+        if has_failed and participant.external is not None:
+            # It may stand in a debugger, and is not ours to end.
+            return _LEAVE_S
+        stop_s = participant.limit_s("stop")
+        if self.interrupt.is_set():
+            return min(stop_s, Deadlines.stop_s)
+        return max(stop_s, _OWN_WORK_S) if participant.is_on_its_own and not has_failed else stop_s
+
+    def _check_ends(self, late: list[ParticipantState]) -> None:
+        """Raise for a participant that did not end in time, or with another exit code than 0."""
+        participants = self.state.participants.values()
+        late += [one for one in participants if one.process.late or one.name in self.killed]
+        if late:
+            reached("a participant is late to end")
+            first = late[0]
+            raise StopTimeout(
+                (
+                    f"{', '.join(one.who() for one in late)} did not end within "
+                    f"{self._patience_s(first, has_failed=False):g} s of the stop and was "
+                    f"{'killed' if first.external is None else 'left running'} "
+                    f"(participants.{first.name}.stop_timeout); the recording is complete"
+                ),
+                participant=first.name,
+                step=self.state.steps,
+            )
+        for one in participants:
+            if one.process.exit_code() != 0:
+                reached("a participant ends with an error after the last step")
+                raise ParticipantDied(
+                    f"after the last step: {one.who()} {one.process.how_it_ended()} while "
+                    f"stopping; the recording is complete; {one.where_it_prints()}",
+                    participant=one.name,
+                    step=self.state.steps,
+                )
 
     # --- one turn -------------------------------------------------------------------------
 
-    def turn(self, check: Callable[[float], None]) -> None:
+    def _turn(self, check: Callable[[float], None]) -> None:
         """Take what arrives within a tick, release steps, and check what is due.
 
         check: of deadlines; gets the time since the last check [s].
@@ -117,7 +383,7 @@ class Run:
         last = self.state.barrier.last() if self.state.phase.is_stepping else ()
         self.session.inbox.wake_for(last)
         self.session.inbox.receive(wait_s)
-        self.release(always=self.is_timed)
+        self._release(always=self.is_timed)
         for turn in self._turns:
             turn()
         if self.interrupt.is_set():
@@ -144,7 +410,7 @@ class Run:
         self.is_timed = bool(timed)
         return min(timed, default=TICK_S)
 
-    def receive_for(self, duration_s: float) -> None:
+    def _receive_for(self, duration_s: float) -> None:
         """Take what arrives within a time [s]; raises the first failure that is reported."""
         # No tick does so meanwhile.
         self.recorder.flush()
@@ -153,19 +419,19 @@ class Run:
         while self.clock.monotonic() < deadline:
             self.session.inbox.receive(SHORT_TICK_S)
 
-    def receive_last_reports(self, name: str) -> None:
+    def _receive_last_reports(self, name: str) -> None:
         """Take what is still under way when a process has ended; raises what that reports.
 
         name: of its participant. Its readers say at which step they wait for it.
         """
-        self.receive_for(_LAST_REPORTS_S)
+        self._receive_for(_LAST_REPORTS_S)
         state, give_up = self.state, self.clock.monotonic() + _LATE_REPORTS_S
         while state.phase.is_stepping and not state.is_awaited(name):
             if self.clock.monotonic() > give_up:
                 return
             self.session.inbox.receive(SHORT_TICK_S)
 
-    def receive_after_failure(self, timeout_s: float) -> None:
+    def _receive_after_failure(self, timeout_s: float) -> None:
         """Take what arrives; the run has ended already, a further failure changes nothing."""
         self.session.inbox.wake_for(())
         with contextlib.suppress(RunFailure):
@@ -183,10 +449,10 @@ class Run:
                 continue
             if name in self.killed:
                 raise took_nothing(self.state, participant)
-            if process.late is not None:
-                raise kept_thread(self.state, participant, process.late)
+            if process.late:
+                raise kept_thread(self.state, participant)
             # A fault that it, or a witness, has reported is more precise, and is raised from here.
-            self.receive_last_reports(name)
+            self._receive_last_reports(name)
             raise death(self.state, participant)
 
     def _kill_blockers(self) -> None:
@@ -208,7 +474,7 @@ class Run:
 
     # --- releasing steps ------------------------------------------------------------------
 
-    def release(self, *, always: bool) -> None:
+    def _release(self, *, always: bool) -> None:
         """Release the steps that the newest outputs allow, and record those that are complete.
 
         always: also where no step has been completed since; a gate may have opened.
@@ -242,7 +508,7 @@ class Run:
             for begin in self._releases:
                 begin(released, limit)
             self.state.released = limit
-            self.announcer.trigger(limit)
+            self.session.trigger(limit)
             self.timing.trigger(limit)
 
     # --- what extensions and hosts do ---------------------------------------------------------
@@ -277,7 +543,7 @@ class Run:
         self.ended_at = self.clock.monotonic()
         for extension in self.extensions:
             extension.stopping()
-        self.announcer.stop(reason, at_step)
+        self.session.stop(reason, at_step)
 
     def progress(self) -> Progress:
         """Return how far the run is."""
@@ -285,3 +551,11 @@ class Run:
         is_held = not self.is_timed or any(item.is_holding() for item in self.extensions)
         elapsed_s = self.clock.monotonic() - (self.state.started_at or self._began)
         return progress_of(self.state, self.descriptions, elapsed_s, is_held=is_held)
+
+
+def _extended(failure: RunFailure, text: str, cause: RunFailure) -> RunFailure:
+    extended = type(failure)(
+        f"{failure}; {text}", participant=failure.participant, step=failure.step
+    )
+    extended.__cause__ = cause
+    return extended

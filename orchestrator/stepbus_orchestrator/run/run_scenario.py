@@ -10,10 +10,8 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed, RunFailure, argument
-from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecorder, layout
-from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extension import RunExtension, overriding
 from stepbus_orchestrator.run.extensions import with_defaults
 from stepbus_orchestrator.run.folder import (
@@ -23,9 +21,8 @@ from stepbus_orchestrator.run.folder import (
     read_files,
     warnings_in,
 )
-from stepbus_orchestrator.run.host import Host, Opening
+from stepbus_orchestrator.run.host import Host
 from stepbus_orchestrator.run.hosts import InProcess, Processes
-from stepbus_orchestrator.run.phases import OWN_WORK_S, run_phases
 from stepbus_orchestrator.run.reports import Events, Observer
 from stepbus_orchestrator.run.result import Result, own_versions, result_of
 from stepbus_orchestrator.run.run import Run
@@ -136,7 +133,6 @@ class _Execution:
             if self._file is not None:
                 for what in self._scenario.left_out:
                     self._events.add_warning("recording", f"a rerun does not find {what}")
-            self._warn_of_own_work()
         except RunFailure as exc:
             failure = exc
         except OSError as exc:
@@ -163,63 +159,29 @@ class _Execution:
                 for text in warnings_in(log):
                     self._events.add_warning(spec.name, text)
 
-    def _warn_of_own_work(self) -> None:
-        """Name the programs that had left the run, and were ended all the same."""
-        for one in self._run.state.participants.values() if self._run else ():
-            if one.works_on:
-                limit_s = max(OWN_WORK_S, one.limit_s("stop"))
-                self._events.add_warning(
-                    one.name,
-                    "had left the complete run, but still worked on, and was killed; it has "
-                    f"{limit_s:g} s, or more with participants.{one.name}.stop_timeout",
-                )
-
     def _describe(self, file: McapFile) -> None:
         """Record all that is needed to run again; raises RecordingFailed."""
         text, contents = resolved(self._scenario).encode(), read_files(self._scenario.files)
-        file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
-        for name, content in contents.items():
-            file.attach(layout.file_attachment(name), "application/octet-stream", content)
+        file.attach_scenario(text, contents)
         file.add_metadata(layout.ENVIRONMENT_METADATA, own_versions())
         faults = enumerate(map(format_fault, self._scenario.faults))
         if rows := {f"{number:04}": text for number, text in faults}:
             file.add_metadata(layout.FAULTS_METADATA, rows)
-        for extension in self._options.extensions:
-            for name, facts in extension.metadata().items():
-                file.add_metadata(name, facts)
 
     def _take_place(self) -> str:
         """Go through the phases on the host, and return why the run ended."""
-        opening = Opening(
-            scenario=self._scenario,
+        run = self._run = Run(
+            self._scenario,
+            self._recorder,
+            self._timing,
             out=self._out,
-            logs=self._out / LOGS_FOLDER,
-            run=new_token(),
-            token=new_token(),
-            extensions=self._options.extensions,
+            observer=self._observer,
             interrupt=self._interrupt,
+            extensions=self._options.extensions,
             warn=self._events.add_warning,
             result=lambda: msgspec.json.encode(self._result("")),
         )
-        adapted = self._scenario
-        for extension in self._options.extensions:
-            adapted = extension.adapt(adapted)
-        with self._options.host.open(opening) as (bus, strategy):
-            run = self._run = Run(
-                Session(adapted, bus, opening.token),
-                strategy,
-                self._recorder,
-                self._timing,
-                out=self._out,
-                observer=self._observer,
-                interrupt=self._interrupt,
-                extensions=self._options.extensions,
-            )
-            try:
-                return run_phases(run)
-            finally:
-                for extension in self._options.extensions:
-                    extension.close()
+        return run.take_place(self._options.host)
 
     def _close(self, reason: str, failure: RunFailure | None) -> str | RunFailure:
         """Write what has arrived of a run that failed; check the file of one that finished.
@@ -239,7 +201,8 @@ class _Execution:
 
     def _result(self, ending: str | RunFailure) -> Result:
         fields: dict[str, Any] = {}
-        for extension in self._options.extensions if self._run else ():
+        is_attached = self._run is not None and self._run.is_attached
+        for extension in self._options.extensions if is_attached else ():
             fields |= extension.result()
         return result_of(
             self._scenario,

@@ -8,12 +8,9 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault, RunFailure
-from stepbus_orchestrator.recording import Descriptions
-from stepbus_orchestrator.run.bus import Session
+from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
-from stepbus_orchestrator.run.kernel.messages import MessageHandler
-from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.safe_messages import MOMENTARY, safe_message
 from stepbus_orchestrator.scenario.model import HoldSpec, ParticipantSpec
 from stepbus_schemas import SHIPPED, Decoder, Description, MessageError, Outputs, Types, encode
@@ -127,17 +124,18 @@ class SafeStop:
     microseconds.
     """
 
-    def __init__(self, session: Session, state: RunState, messages: MessageHandler) -> None:
-        self._state = state
-        scenario = session.scenario
+    def __init__(self, run: RunView) -> None:
+        self._run = run
+        self._state = run.state
+        scenario = run.state.scenario
         self._substitutes: Mapping[str, Substitute] = {
             spec.name: Substitute(
                 spec,
                 spec.hold,
-                token=session.token,
+                token=run.token,
                 step_ns=scenario.step_ns,
-                put=session.announcer.publisher(f"out/{spec.name}", "Outputs/1"),
-                log=partial(messages.take_outputs, spec.name),
+                put=run.session.publisher(f"out/{spec.name}", "Outputs/1"),
+                log=partial(run.messages.take_outputs, spec.name),
                 types=scenario.types,
             )
             for spec in scenario.participants
@@ -186,11 +184,11 @@ class SafeStop:
         has_given_up = isinstance(failure, ParticipantFault)
         return participant.external is not None and not (has_ended or has_given_up)
 
-    def start(self, name: str, descriptions: Descriptions) -> tuple[int, int]:
+    def start(self, name: str) -> tuple[int, int]:
         """Replace the participant of a name, whose process is gone; return `replaced_steps`."""
         state = self._state
         self._active = self._substitutes[name]
-        inputs = input_descriptions(state.scenario, descriptions)
+        inputs = input_descriptions(state.scenario, self._run.descriptions)
         ports = {
             item.port: inputs[spec.name][port]
             for spec in state.scenario.participants

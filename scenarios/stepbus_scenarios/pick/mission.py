@@ -26,7 +26,6 @@ from stepbus_scenarios.pick.picking import (
     MOVES,
     NEXT,
     Motion,
-    Spot,
     Stage,
     Waypoint,
     distance,
@@ -35,7 +34,7 @@ from stepbus_scenarios.pick.picking import (
     spot_of,
     turn,
 )
-from stepbus_scenarios.pick.scara import Scara
+from stepbus_scenarios.pick.scara import Scara, Spot
 from stepbus_schemas import (
     Description,
     Event,
@@ -195,7 +194,11 @@ class Pick(Participant):
         while self._is_done(progress, gripper, step.t_ns):
             self._enter(progress, NEXT[progress.stage], step.t_ns)
             if progress.stage in NEXT:
-                log.append(Event(level="info", text=self._sentence(progress, gripper)))
+                text = f"{self._params.cube}: {progress.stage}"
+                if progress.stage == "lift":
+                    grip = f"{gripper.width * 1e3:.1f} mm wide with {gripper.force:.1f} N"
+                    text = f"{text}, gripped {grip}"
+                log.append(Event(level="info", text=text))
         failure = self._failure(progress, gripper, step.t_ns)
         summary = self._conclude(progress, failure, step)
         return {**self._commands(progress, step.t_ns), **self._events(log, summary)}
@@ -290,13 +293,6 @@ class Pick(Participant):
             self._command_port: JointCommand(mode="position", values=now, velocity=velocity),
             self._gripper_port: GripperCommand(width=width, force=self._params.force),
         }
-
-    def _sentence(self, progress: _Progress, gripper: GripperState) -> str:
-        """Return which stage begins."""
-        text = f"{self._params.cube}: {progress.stage}"
-        if progress.stage == "lift":
-            return f"{text}, gripped {gripper.width * 1e3:.1f} mm wide with {gripper.force:.1f} N"
-        return text
 
     def _events(self, log: list[Event], summary: Event | None) -> dict[str, Message]:
         """Return what has happened, a line each, and the result at its own port."""

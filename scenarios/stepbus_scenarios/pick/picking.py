@@ -2,12 +2,11 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import msgspec
 
-from stepbus_scenarios.pick.scara import Scara, Tool
+from stepbus_scenarios.pick.scara import Scara, Spot
 from stepbus_schemas import Point, Quaternion, RunError
 
 Stage = Literal[
@@ -52,19 +51,6 @@ _SHORTEST = 0.2
 
 _PEAK = 1.875
 """Largest velocity of a minimum-jerk motion, relative to its mean."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Spot:
-    """Where a cube stands in the frame of the arm's base: x, y, z [m], yaw [rad]."""
-
-    x: float
-    y: float
-    z: float
-    yaw: float
-
-    def __str__(self) -> str:
-        return f"{self.x:.3f}, {self.y:.3f} m, {math.degrees(self.yaw):.0f}°"
 
 
 class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -116,12 +102,12 @@ def plan(
     )
     for what, spot, above, at in rows:
         for name, raised in ((above, clearance), (at, 0.0)):
-            tool = Tool(x=spot.x, y=spot.y, z=spot.z + grip_height + raised, yaw=spot.yaw)
-            q = arm.inverse(tool, near=wrist)
+            tip = Spot(x=spot.x, y=spot.y, z=spot.z + grip_height + raised, yaw=spot.yaw)
+            q = arm.inverse(tip, near=wrist)
             if q is None:
                 raise RunError(
                     f"the arm cannot reach {what} at {spot} in the frame of its base, with its tip "
-                    f"at a height of {tool.z:.3f} m; it reaches distances of "
+                    f"at a height of {tip.z:.3f} m; it reaches distances of "
                     f"{abs(arm.near - arm.far):.3f} to {arm.near + arm.far:.3f} m and heights of "
                     f"{arm.lowest:.3f} to {arm.height + arm.upper[2]:.3f} m"
                 )

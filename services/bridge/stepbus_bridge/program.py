@@ -4,7 +4,6 @@ OutputError (of stepbus)
 └─ BridgeError      the program ended or gave an invalid answer
 """
 
-import errno
 import fcntl
 import os
 import select
@@ -29,9 +28,6 @@ _REST_S = 1.0
 _POLL_EVERY = 16
 _END_WAIT_S = 0.5
 _POLL_S = 0.005
-_BUSY_S = 10.0
-"""A program that was just built may be open for writing, in its linker or a child of that [s]."""
-_PASSING = {errno.ETXTBSY, errno.EAGAIN}
 _LONGEST_NAME = 80
 _OWN_LOG = Path("/proc/self/fd/2")
 """Our log, which the program prints to as well."""
@@ -58,8 +54,7 @@ class Program:
     """A running program and its two pipes, over which complete messages go.
 
     It stays in the bridge's process group, which the orchestrator, or its reaper, kills as a
-    whole; and it sees the end of descriptor 3 when the bridge dies. In a run in one process, it has
-    a group of its own, which the run ends.
+    whole; and it sees the end of descriptor 3 when the bridge dies.
 
     argv: the path of an executable, and its arguments. form: value of STEPBUS_BRIDGE. failed:
     whether it has broken the rules. Raises WiringError when it cannot be executed, BridgeError when
@@ -219,18 +214,11 @@ def _spawn(argv: Sequence[str], form: str, reads: int, writes: int) -> int:
     ]
     # Not subprocess: it cannot place descriptors without running Python between fork and exec,
     # which is not safe beside Zenoh's threads.
-    deadline = time.monotonic() + _BUSY_S
-    while True:
-        try:
-            return os.posix_spawn(
-                argv[0],
-                list(argv),
-                {**os.environ, VARIABLE: form},
-                file_actions=actions,
-                # Python ignores these two, which a program would inherit.
-                setsigdef=[signal.SIGPIPE, signal.SIGXFSZ],
-            )
-        except OSError as exc:
-            if exc.errno not in _PASSING or time.monotonic() > deadline:
-                raise
-            time.sleep(_POLL_S)
+    return os.posix_spawn(
+        argv[0],
+        list(argv),
+        {**os.environ, VARIABLE: form},
+        file_actions=actions,
+        # Python ignores these two, which a program would inherit.
+        setsigdef=[signal.SIGPIPE, signal.SIGXFSZ],
+    )

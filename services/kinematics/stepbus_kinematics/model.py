@@ -68,6 +68,9 @@ class RobotModel:
             self.full: Any = pin.buildModelFromXML(self.text)
         except ValueError as exc:
             raise WiringError(f"{path} is not a URDF that Pinocchio can read") from exc
+        for name in self._movable():
+            number = self.full.getJointId(name)
+            self.full.armature[self.full.idx_vs[number]] = self.robot.joints[name].armature
         self._mimics = {j.name: j.mimic for j in self.robot.joints.values() if j.mimic}
         movable = [name for name in self._movable() if name not in self._mimics]
         self.joints = tuple(movable if joints is None else joints)
@@ -82,6 +85,8 @@ class RobotModel:
         self.load = 0.0
         self._unloaded: tuple[int, Any] | None = None
         self._index_joints()
+        if self.robot.format == "mjcf":
+            self._add_passive()
 
     def _movable(self) -> tuple[str, ...]:
         """Return the names of all joints that move, in Pinocchio's order."""
@@ -176,6 +181,29 @@ class RobotModel:
         self._gear: Vector = np.array([mimic.multiplier for _, _, mimic in rows], dtype=float)
         self._offset: Vector = np.array([mimic.offset for _, _, mimic in rows], dtype=float)
         self._followers = np.array([model.idx_vs[number] for number, _, _ in rows], dtype=np.intp)
+
+    def _add_passive(self) -> None:
+        """Add springs and dampers of the joints, and what carries links, of an MJCF."""
+        joints = [self.robot.joints[name] for name in list(self.model.names)[1:]]
+        self._stiffness: Vector = np.array([joint.stiffness for joint in joints])
+        self._damping: Vector = np.array([joint.damping for joint in joints])
+        self._spring_rest: Vector = np.array([joint.spring_rest for joint in joints])
+        # A model of the masses that the simulation carries.
+        self._carried: Any = self.model.copy()
+        for number in range(self.model.njoints):
+            self._carried.inertias[number] = pin.Inertia.Zero()
+        for frame in self.model.frames:
+            link = self.robot.links.get(frame.name)
+            if frame.type == pin.FrameType.BODY and link is not None and link.inertial is not None:
+                mass = link.inertial.mass * link.gravity_compensation
+                _add_mass(self._carried, frame, mass, link.inertial.pose.xyz)
+        self._carried_data: Any = self._carried.createData()
+
+    def _passive(self, q: Vector) -> Vector:
+        """Return what springs and gravity compensation ask of the motors, shape (nv,) [N·m]."""
+        torque: Vector = self._stiffness * (q - self._spring_rest)
+        torque -= pin.computeGeneralizedGravity(self._carried, self._carried_data, q)
+        return torque
 
     def unit(self, joint: str) -> str:
         """Return the unit of a joint's position: m of a prismatic one, else rad."""
@@ -294,11 +322,15 @@ class RobotModel:
     def inverse_dynamics(self, q: Vector, v: Vector, a: Vector) -> Vector:
         """Return the torques M(q) a + C(q, v) v + g(q), shape (n,) [N·m].
 
-        q, v, a: shape (n,) [rad, rad/s, rad/s²]. By the recursive Newton-Euler algorithm
-        (Featherstone, Rigid Body Dynamics Algorithms, 2008, table 5.1).
+        q, v, a: shape (n,) [rad, rad/s, rad/s²]. Armatures and dampers of an MJCF count, damping
+        of a URDF and friction do not; g: as of `gravity_torque`. By the recursive Newton-Euler
+        algorithm (Featherstone, Rigid Body Dynamics Algorithms, 2008, table 5.1).
         """
-        rates = self._spread(v), self._spread(a)
-        return self._of_joints(pin.rnea(self.model, self.data, self.in_model(q), *rates))
+        there, rate = self.in_model(q), self._spread(v)
+        torque = pin.rnea(self.model, self.data, there, rate, self._spread(a))
+        if self.robot.format == "mjcf":
+            torque = torque + self._passive(there) + self._damping * rate
+        return self._of_joints(torque)
 
     def carry(self, mass: float, frame: str) -> None:
         """Count a mass at the origin of a frame in all torques from now on, instead of the last.
@@ -313,17 +345,19 @@ class RobotModel:
             self._unloaded = None
         if mass > 0.0:
             place = self.model.frames[number]
-            inertia = self.model.inertias[place.parentJoint].copy()
-            load = pin.Inertia(mass, place.placement.translation, np.zeros((3, 3)))
-            self.model.inertias[place.parentJoint] = inertia + load
-            self._unloaded = (place.parentJoint, inertia)
+            unloaded = self.model.inertias[place.parentJoint].copy()
+            _add_mass(self.model, place, mass)
+            self._unloaded = (place.parentJoint, unloaded)
 
     def gravity_torque(self, q: Vector) -> Vector:
         """Return the torques g(q) that hold the robot at rest, shape (n,) [N·m].
 
-        q: shape (n,) [rad].
+        q: shape (n,) [rad]. Springs and gravity compensation of an MJCF count.
         """
-        torque = pin.computeGeneralizedGravity(self.model, self.data, self.in_model(q))
+        there = self.in_model(q)
+        torque = pin.computeGeneralizedGravity(self.model, self.data, there)
+        if self.robot.format == "mjcf":
+            torque = torque + self._passive(there)
         return self._of_joints(torque)
 
     def overload(
@@ -351,6 +385,12 @@ class RobotModel:
 def link_names(model: Any) -> tuple[str, ...]:
     """Return the names of all links of Pinocchio's model, in its order."""
     return tuple(frame.name for frame in model.frames if frame.type == pin.FrameType.BODY)
+
+
+def _add_mass(model: Any, frame: Any, mass: float, at: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+    """Add a mass [kg] to Pinocchio's model; at: where in a frame, shape (3,) [m]."""
+    load = pin.Inertia(mass, frame.placement.act(np.array(at)), np.zeros((3, 3)))
+    model.inertias[frame.parentJoint] = model.inertias[frame.parentJoint].copy() + load
 
 
 def _known(values: Sequence[float | None], unlimited: float) -> Vector:

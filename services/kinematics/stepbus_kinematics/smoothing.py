@@ -1,31 +1,25 @@
 """Filters of measurements: smoother ones, each with the delay that it costs, and velocities."""
 
 import math
-from abc import ABC, abstractmethod
+from typing import Protocol
 
 import numpy as np
 
 from .model import Vector
 
 
-class Filter:
-    """What turns a series of vectors into another one; memory: all that it remembers."""
+class Smoother(Protocol):
+    """A filter of measurements; memory: its state. delay: of a slow signal [s]."""
 
-    def __init__(self) -> None:
-        self.memory: list[Vector] = []
-
-
-class Smoother(Filter, ABC):
-    """A filter of measurements; delay: of a slow signal [s]."""
-
+    memory: list[Vector]
     delay: float
 
-    @abstractmethod
     def update(self, values: Vector) -> Vector:
         """Return the smoothed values; values: the newest measurement. Both of shape (n,)."""
+        ...
 
 
-class LowPass(Smoother):
+class LowPass:
     """y_k = α y_{k−1} + (1 − α) x_k with α = exp(−Δt / τ), a first-order low-pass filter.
 
     time_constant: τ [s]. period: Δt [s]. Its delay at low frequency is Δt α / (1 − α), the slope
@@ -33,7 +27,7 @@ class LowPass(Smoother):
     """
 
     def __init__(self, time_constant: float, period: float) -> None:
-        super().__init__()
+        self.memory: list[Vector] = []
         self._keep = math.exp(-period / time_constant)
         self.delay = period * self._keep / (1.0 - self._keep)
 
@@ -44,7 +38,7 @@ class LowPass(Smoother):
         return self.memory[0]
 
 
-class SavitzkyGolay(Smoother):
+class SavitzkyGolay:
     """Value, in the middle of a window, of the polynomial that fits its samples best.
 
     window: samples, odd. period: between two of them [s]. degree: of the polynomial; 0: the moving
@@ -53,7 +47,7 @@ class SavitzkyGolay(Smoother):
     """
 
     def __init__(self, window: int, period: float, degree: int = 2) -> None:
-        super().__init__()
+        self.memory: list[Vector] = []
         half = window // 2
         powers = np.vander(np.arange(-half, half + 1), degree + 1, increasing=True)
         self._weights: Vector = np.linalg.pinv(powers)[0]
@@ -66,7 +60,7 @@ class SavitzkyGolay(Smoother):
         return self._weights @ np.array(self.memory)
 
 
-class Differentiator(Filter):
+class Differentiator:
     """Velocities from positions: v = (q_k − q_{k−1}) / (t_k − t_{k−1}), and 0 at the first sample.
 
     cutoff_hz: corner frequency of a first-order low-pass filter behind it [Hz]; None: there is
@@ -76,7 +70,7 @@ class Differentiator(Filter):
     """
 
     def __init__(self, cutoff_hz: float | None) -> None:
-        super().__init__()
+        self.memory: list[Vector] = []
         self._rate = None if cutoff_hz is None else 2.0 * math.pi * cutoff_hz
 
     def update(self, position: Vector, since_ns: int) -> Vector:

@@ -8,7 +8,6 @@ import itertools
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -33,8 +32,10 @@ def srdf_text(path: Path, joints: Sequence[str], samples: int = _SAMPLES) -> str
     """
     robot = RobotModel(path, joints, bounded=True)
     model, geometry = robot.model, collision_geometry(robot)
+    shapes = geometry.geometryObjects
+    links = [model.frames[shape.parentFrame].name for shape in shapes]
+    movers = [shape.parentJoint for shape in shapes]
     geometry.addAllCollisionPairs()
-    rigid = [(pair, "Fixed") for pair in _rigid_pairs(model, geometry)]
     keep_moving_pairs(geometry)
     data, results = model.createData(), geometry.createData()
     random = np.random.Generator(np.random.PCG64(0))
@@ -43,43 +44,23 @@ def srdf_text(path: Path, joints: Sequence[str], samples: int = _SAMPLES) -> str
         q = robot.in_model(random.uniform(robot.lower, robot.upper))
         pin.computeCollisions(model, data, geometry, results, q, False)
         hits += [result.isCollision() for result in results.collisionResults]
-    rows = (
-        (pair, _reason(model, geometry, pair, share))
-        for pair, share in zip(geometry.collisionPairs, hits / samples, strict=True)
-    )
+    rows = []
+    for pair, share in zip(geometry.collisionPairs, hits / samples, strict=True):
+        first, second = movers[pair.first], movers[pair.second]
+        if first == model.parents[second] or second == model.parents[first]:
+            rows.append((pair.first, pair.second, "Adjacent"))
+        elif share == 0 or share > _ALWAYS:
+            rows.append((pair.first, pair.second, "Always" if share else "Never"))
+    rows += [
+        (first, second, "Fixed")
+        for first, second in itertools.combinations(range(len(links)), 2)
+        if movers[first] == movers[second] and links[first] != links[second]
+    ]
     lines = [
-        f'  <disable_collisions link1="{_link(model, geometry, pair.first)}" '
-        f'link2="{_link(model, geometry, pair.second)}" reason="{reason}"/>'
-        for pair, reason in (*rows, *rigid)
-        if reason
+        f'  <disable_collisions link1="{links[first]}" link2="{links[second]}" reason="{reason}"/>'
+        for first, second, reason in rows
     ]
     return "\n".join([f'<robot name="{model.name}">', *lines, "</robot>"]) + "\n"
-
-
-def _rigid_pairs(model: Any, geometry: Any) -> list[Any]:
-    """Return the pairs of different links that no joint moves against one another."""
-    joints = [item.parentJoint for item in geometry.geometryObjects]
-    return [
-        pin.CollisionPair(first, second)
-        for first, second in itertools.combinations(range(len(joints)), 2)
-        if joints[first] == joints[second]
-        and _link(model, geometry, first) != _link(model, geometry, second)
-    ]
-
-
-def _reason(model: Any, geometry: Any, pair: Any, share: float) -> str:
-    """Return why a pair need not be checked, or nothing; share: of positions where it touches."""
-    first, second = (geometry.geometryObjects[k].parentJoint for k in (pair.first, pair.second))
-    if first == model.parents[second] or second == model.parents[first]:
-        return "Adjacent"
-    if share == 0:
-        return "Never"
-    return "Always" if share > _ALWAYS else ""
-
-
-def _link(model: Any, geometry: Any, number: int) -> str:
-    name: str = model.frames[geometry.geometryObjects[number].parentFrame].name
-    return name
 
 
 def _main(arguments: Sequence[str]) -> int:

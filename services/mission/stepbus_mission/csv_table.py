@@ -3,7 +3,7 @@
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +26,8 @@ class Table:
 def read_table(path: Path, joints: Sequence[str]) -> Table:
     """Return the columns `t`, `<joint>`, `<joint>_velocity` and `<joint>_acceleration` of a file.
 
-    Raises WiringError that lists all mistakes, each with file and line.
+    Raises WiringError that lists all mistakes of the header, or else of the rows, each with file
+    and line.
     """
     try:
         reader = csv.reader(io.StringIO(read_text(path, "utf-8-sig")))
@@ -38,19 +39,27 @@ def read_table(path: Path, joints: Sequence[str]) -> Table:
         raise WiringError(f"{path} has {len(lines)} lines; it needs a header and at least two rows")
     (first, names), *rows = lines
     header = [name.strip() for name in names]
-    _refuse(path, ((first, text) for text in _header_problems(header, joints)))
+    _refuse([f"{path}:{first}: {text}" for text in _header_problems(header, joints)])
     table = [[_number(cell) for cell in row] for _, row in rows]
     _refuse(
-        path,
-        (
-            (line, text)
+        [
+            f"{path}:{line}: {text}"
             for (line, row), numbers in zip(rows, table, strict=True)
             for text in _row_problems(header, row, numbers)
-        ),
+        ]
     )
     columns = dict(zip(header, map(list, zip(*table, strict=True)), strict=True))
     times = columns.pop("t")
-    _refuse(path, _time_problems(times, [line for line, _ in rows]))
+    later = pairwise(zip(times, [line for line, _ in rows], strict=True))
+    _refuse(
+        [f"{path}:{rows[0][0]}: t starts at {times[0]:g} s; it must be at least 0"]
+        if times[0] < 0
+        else [
+            f"{path}:{line}: t is {now:g} s; it must increase (previous row: {before:g} s)"
+            for (before, _), (now, line) in later
+            if now <= before
+        ]
+    )
     return Table(times=times, columns=columns)
 
 
@@ -85,17 +94,6 @@ def _number(cell: str) -> float:
         return math.nan
 
 
-def _time_problems(times: Sequence[float], lines: Sequence[int]) -> Iterator[tuple[int, str]]:
-    if times[0] < 0:
-        yield lines[0], f"t starts at {times[0]:g} s; it must be at least 0"
-    for (before, now), line in zip(pairwise(times), lines[1:], strict=True):
-        if now <= before:
-            yield line, f"t is {now:g} s; it must increase (previous row: {before:g} s)"
-
-
-def _refuse(path: Path, problems: Iterable[tuple[int, str]]) -> None:
-    sentences = [f"{path}:{line}: {text}" for line, text in problems]
-    if len(sentences) > _MOST_PROBLEMS:
-        sentences[_MOST_PROBLEMS:] = [f"{path}: and {len(sentences) - _MOST_PROBLEMS} more"]
-    if sentences:
-        raise WiringError("\n".join(sentences))
+def _refuse(problems: Sequence[str]) -> None:
+    if problems:
+        raise WiringError("\n".join(problems[:_MOST_PROBLEMS]))

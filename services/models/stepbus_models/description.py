@@ -66,6 +66,8 @@ class Link:
     give it a negligible mass."""
     visuals: tuple[Shape, ...] = ()
     collisions: tuple[Shape, ...] = ()
+    gravity_compensation: float = 0.0
+    """Part of the weight that the simulation carries, in an MJCF [-]."""
     contact: Mapping[str, float] = field(default_factory=dict)
     """Values of PyBullet's `<contact>` by tag, such as `lateral_friction`."""
     line: int = 0
@@ -105,6 +107,12 @@ class Joint:
     """[N·m·s/rad or N·s/m]."""
     friction: float = 0.0
     """Coulomb friction [N·m or N]."""
+    armature: float = 0.0
+    """Inertia of the motor, in an MJCF [kg·m² or kg]."""
+    stiffness: float = 0.0
+    """Of a spring, in an MJCF [N·m/rad or N/m]."""
+    spring_rest: float = 0.0
+    """Position at which the spring is relaxed [rad or m]."""
     mimic: Mimic | None = None
     line: int = 0
 

@@ -1,7 +1,7 @@
 """MJCF, MuJoCo's XML, as MuJoCo compiles it.
 
 MuJoCo resolves defaults, includes and orientations. A link has the frame of its body, and positions
-of joints are MuJoCo's. A description has no words for tendons, springs and others: a warning names
+of joints are MuJoCo's. A description has no words for tendons, flexes and others: a warning names
 what it leaves out. Engine mujoco does not read the description, and simulates all of it.
 """
 
@@ -29,7 +29,6 @@ _DEFAULT_COLOUR = [0.5, 0.5, 0.5, 1.0]
 """That of a geom without its own, which has that of its material."""
 _SEEN_GROUPS = range(3)
 """Groups of geoms that MuJoCo's viewer shows from the start."""
-_SHOWN = 5
 _UNLIMITED = 1e12
 
 
@@ -111,18 +110,12 @@ class _Reader:
         self._joint_names = [model.joint(n).name for n in range(model.njnt)]
         self._links: dict[str, Link] = {}
         self._joints: dict[str, Joint] = {}
-        self._odd_shapes: list[str] = []
+        self._odd_shapes = 0
         # Where all is while every joint is at position 0, which a `ref` moves.
         self._data: Any = mujoco.MjData(model)
         for joint in filter(self._moves, range(model.njnt)):
             self._data.qpos[model.jnt_qposadr[joint]] = 0.0
         mujoco.mj_kinematics(model, self._data)
-
-    def _names(self, what: str, count: int) -> list[str]:
-        """Return the names of all objects of a kind, by kind and number where they have none."""
-        kind = getattr(mujoco.mjtObj, f"mjOBJ_{what.upper()}")
-        given = (mujoco.mj_id2name(self._model, kind, n) for n in range(count))
-        return [name or f"{what}{n}" for n, name in enumerate(given)]
 
     def robot(self, notes: Sequence[str]) -> RobotDescription:
         """Return the robot; notes: its first warnings."""
@@ -132,11 +125,8 @@ class _Reader:
             self._links[self._bodies[body]] = self._link(body)
             if body != root:
                 self._add_chain(body)
-        left_out = "; ".join(
-            f"{what} ({', '.join(names[:_SHOWN])}{', …' if len(names) > _SHOWN else ''})"
-            for what, names in self._left_out(root).items()
-            if names
-        )
+        counts = self._left_out(root).items()
+        left_out = ", ".join(f"{what} ({count})" for what, count in counts if count)
         said = f"controllers, views and exports leave out some of this MJCF: {left_out}"
         return RobotDescription(
             name=self._name or "model",
@@ -148,31 +138,23 @@ class _Reader:
             warnings=(*([said] if left_out else []), *notes),
         )
 
-    def _left_out(self, root: int) -> dict[str, list[str]]:
-        """Return kinds of things that a description has no words for, and their names.
+    def _left_out(self, root: int) -> dict[str, int]:
+        """Return the kinds of things that a description has no words for, and their numbers.
 
         root: number of the root body; where it is not the world, geoms of the world are left out.
         """
-        model, joints = self._model, self._joint_names
-        stiff = model.jnt_stiffness.astype(bool) | model.jnt_stiffnesspoly.any(axis=1)
-        active = set(np.flatnonzero(model.eq_active0)) - {row for row, *_ in self._couplings()}
-        equalities = self._names("equality", model.neq)
-        return {
-            "ball joints": [joints[n] for n in range(model.njnt) if self._type(n) == "ball"],
-            "springs of joints": [joints[n] for n in np.flatnonzero(stiff)],
-            "armature of joints": [
-                joints[n] for n in np.unique(model.dof_jntid[model.dof_armature > 0])
-            ],
-            "tendons": self._names("tendon", model.ntendon),
-            "constraints": [equalities[n] for n in sorted(active)],
-            "gravity compensation of bodies": [
-                self._bodies[n] for n in np.flatnonzero(model.body_gravcomp)
-            ],
+        model = self._model
+        counts = {
+            "ball joints": [self._type(n) for n in range(model.njnt)].count("ball"),
+            "nonlinear springs of joints": model.jnt_stiffnesspoly.any(axis=1).sum(),
+            "tendons": model.ntendon,
+            "constraints": model.eq_active0.sum() - len(list(self._couplings())),
             "shapes": self._odd_shapes,
-            "geoms of the world": self._names("geom", model.body_geomnum[0]) if root else [],
-            "flexes": self._names("flex", model.nflex),
-            "plugins": self._names("plugin", model.nplugin),
+            "geoms of the world": model.body_geomnum[0] if root else 0,
+            "flexes": model.nflex,
+            "plugins": model.nplugin,
         }
+        return {what: int(count) for what, count in counts.items()}
 
     # --- joints ---------------------------------------------------------------------------
 
@@ -233,6 +215,9 @@ class _Reader:
             effort=self._effort(joint),
             damping=float(model.dof_damping[freedom]),
             friction=float(model.dof_frictionloss[freedom]),
+            armature=float(model.dof_armature[freedom]),
+            stiffness=float(model.jnt_stiffness[joint]),
+            spring_rest=float(model.qpos_spring[model.jnt_qposadr[joint]]),
             mimic=self._mimic(joint),
         )
 
@@ -305,6 +290,7 @@ class _Reader:
         return Link(
             name=self._bodies[body],
             inertial=inertial if mass else None,
+            gravity_compensation=float(model.body_gravcomp[body]),
             visuals=tuple(shape for geom, shape in shapes.items() if self._is_seen(geom)),
             collisions=tuple(shape for geom, shape in shapes.items() if self._is_solid(geom)),
         )
@@ -341,9 +327,7 @@ class _Reader:
             mesh, sizes[kind], moved = self._mesh(int(self._model.geom_dataid[geom]))
             at = at @ moved
         if kind not in sizes or mesh is None:
-            if self._is_seen(geom) or self._is_solid(geom):
-                body = self._bodies[self._model.geom_bodyid[geom]]
-                self._odd_shapes.append(f"{kind} of {body}")
+            self._odd_shapes += self._is_seen(geom) or self._is_solid(geom)
             return None
         return Shape(
             kind=kind,

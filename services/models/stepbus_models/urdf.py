@@ -49,18 +49,25 @@ _ROUNDING = 1e-12
 
 
 class Element(ET.Element):
-    """An element of a URDF; line: counted from 1."""
+    """An element of a URDF.
+
+    line: counted from 1. owner: the link or joint that it is part of, such as `link 'base'`.
+    """
 
     line = 0
+    owner = ""
 
 
 def parse(text: str) -> Element:
     """Return the root element of XML; raises expat.ExpatError where the text is none."""
-    parser = expat.ParserCreate()
+    parser, owner = expat.ParserCreate(), ""
 
     def make(tag: Any, attributes: Any, /) -> Element:
+        nonlocal owner
         element = Element(tag, attributes)
-        element.line = parser.CurrentLineNumber
+        if tag in {"link", "joint"}:
+            owner = f"{tag} {element.get('name')!r}"
+        element.line, element.owner = parser.CurrentLineNumber, owner
         return element
 
     builder: ET.TreeBuilder = ET.TreeBuilder(element_factory=make)
@@ -93,9 +100,6 @@ class _Reader:
         self._joints: Sequence[Any] = root.findall("joint")
         self._by_name: dict[Any, Any] = {link.get("name"): link for link in self._links}
         self._moving = {j.get("name"): j for j in self._joints if j.get("type") in _MOVING}
-        self._children: dict[Any, list[Any]] = {}
-        for joint in self._joints:
-            self._children.setdefault(_end(joint, "parent"), []).append(_end(joint, "child"))
         self._palette: dict[str | None, Any] = {}
         for material in (*root.findall("material"), *root.iter("material")):
             if (color := material.find("color")) is not None:
@@ -115,8 +119,11 @@ class _Reader:
         links = {link.get("name"): self._link(link) for link in self._links}
         joints = {joint.get("name"): self._joint(joint) for joint in self._joints}
         self._refuse()
-        links |= self._lightest(links, joints)
-        self._refuse()
+        for joint in filter(lambda joint: joint.moves, joints.values()):
+            # Engines differ in what they do with a mass and an inertia of 0 that a joint moves.
+            inertial = links[joint.child].inertial
+            if inertial and not (inertial.mass or any(inertial.moments)):
+                links[joint.child] = replace(links[joint.child], inertial=None)
         return RobotDescription(
             name=self._root.get("name", ""),
             path=self._path,
@@ -152,14 +159,14 @@ class _Reader:
                 if not name:
                     self._problem(element, f"a <{element.tag}> has no name")
                 elif name in lines:
-                    text = f"{_who(element)} is defined twice, first in line {lines[name]}"
+                    text = f"{element.owner} is defined twice, first in line {lines[name]}"
                     self._problem(element, text)
                 else:
                     lines[name] = element.line
 
     def _check_ends(self, joint: Any) -> None:
         """Find what is wrong with type and links of a joint."""
-        who, kind = _who(joint), joint.get("type")
+        who, kind = joint.owner, joint.get("type")
         if kind not in _TYPES:
             self._problem(joint, f"{who}: unknown type {kind!r}{suggest(kind, _TYPES)}")
         elif kind in _INSTEAD:
@@ -188,41 +195,14 @@ class _Reader:
             text = f"has {len(roots)} roots: {_some(roots)}; connect them with joints"
             self._problem(self._by_name[roots[1]], text)
             return ""
-        reached = {name for root in roots for name in self._carried(root)}
-        circle = [name for name in self._by_name if name not in reached]
-        if circle:
+        reached, new = set(roots), set(roots)
+        while new:
+            new = {name for name, j in parents.items() if _end(j, "parent") in new}
+            reached |= new
+        if circle := [name for name in self._by_name if name not in reached]:
             text = f"links {_some(circle)} form a closed chain of joints; a robot must be a tree"
             self._problem(parents[circle[0]], text)
         return str(roots[0]) if roots else ""
-
-    def _carried(self, link: str) -> list[str]:
-        """Return a link and those that its joints carry."""
-        names, left = {link: None}, [link]
-        while left:
-            below = self._children.get(left.pop(), [])
-            left += [child for child in below if child not in names]
-            names |= dict.fromkeys(below)
-        return list(names)
-
-    def _lightest(self, links: dict[str, Link], joints: dict[str, Joint]) -> dict[str, Link]:
-        """Return links that joints move although all behind them is massless, without inertials.
-
-        Engines differ in what they do with a mass and an inertia of 0; of a link without
-        <inertial> they all make the same.
-        """
-        lightest = {}
-        for joint in filter(lambda joint: joint.moves, joints.values()):
-            inertials = [links[name].inertial for name in self._carried(joint.child)]
-            # A link without <inertial> is no mistake: it weighs next to nothing.
-            if not all(inertial is not None and inertial.mass == 0 for inertial in inertials):
-                continue
-            if any(inertials[0].moments if inertials[0] else ()):
-                moved = f"is moved by joint {joint.name!r}"
-                text = f"link {joint.child!r} has mass 0 but an inertia, and {moved}"
-                self._problem(self._by_name[joint.child].find("inertial/mass"), text)
-            else:
-                lightest[joint.child] = replace(links[joint.child], inertial=None)
-        return lightest
 
     # --- links ----------------------------------------------------------------------------
 
@@ -231,7 +211,7 @@ class _Reader:
         for value in link.findall("contact/*"):
             # What has no value is a switch.
             is_switch = "value" not in value.attrib
-            contact[value.tag] = 1.0 if is_switch else self._number(link, value, "value")
+            contact[value.tag] = 1.0 if is_switch else self._number(value, "value")
         return Link(
             name=link.get("name", ""),
             inertial=self._inertial(link),
@@ -242,7 +222,7 @@ class _Reader:
         )
 
     def _inertial(self, link: Any) -> Inertial | None:
-        who, inertials = _who(link), link.findall("inertial")
+        who, inertials = link.owner, link.findall("inertial")
         if not inertials:
             return None
         if len(inertials) > 1:
@@ -255,13 +235,13 @@ class _Reader:
                 self._problem(inertials[0], f"{who}: its <inertial> has no <{tag}>{text}")
         if None in parts.values():
             return None
-        mass = self._number(link, parts["mass"], "value", least=0.0)
+        mass = self._number(parts["mass"], "value", least=0.0)
         inertia = parts["inertia"]
-        xx, yy, zz = (self._number(link, inertia, key, least=-_NOISE) for key in _DIAGONAL)
-        xy, xz, yz = (self._number(link, inertia, key) for key in _PRODUCTS)
+        xx, yy, zz = (self._number(inertia, key, least=-_NOISE) for key in _DIAGONAL)
+        xy, xz, yz = (self._number(inertia, key) for key in _PRODUCTS)
         repaired, warning = balanced((xx, yy, zz, xy, xz, yz))
         self._warnings += [f"{who}: {warning}"] if warning else []
-        return Inertial(mass=mass, moments=repaired, pose=self._pose(link, inertials[0]))
+        return Inertial(mass=mass, moments=repaired, pose=self._pose(inertials[0]))
 
     def _shapes(self, link: Any, tag: str) -> Iterator[Shape]:
         for element in link.findall(tag):
@@ -271,31 +251,31 @@ class _Reader:
             kind = geometry.tag
             if kind not in {*_SIZES, "mesh", "plane"}:
                 known = ", ".join([*_SIZES, "mesh"])
-                text = f"{_who(link)}: a <{tag}> is a <{kind}>, which is not one of {known}"
+                text = f"{link.owner}: a <{tag}> is a <{kind}>, which is not one of {known}"
                 self._problem(geometry, text)
                 continue
             yield Shape(
                 kind=kind,
-                size=tuple(self._size(link, geometry)),
-                mesh=self._mesh(link, geometry) if kind == "mesh" else "",
-                pose=self._pose(link, element),
-                rgba=self._rgba(link, element),
+                size=tuple(self._size(geometry)),
+                mesh=self._mesh(geometry) if kind == "mesh" else "",
+                pose=self._pose(element),
+                rgba=self._rgba(element),
                 is_concave=element.get("concave") == "yes",
                 line=self._line(geometry),
             )
 
-    def _size(self, link: Any, geometry: Any) -> list[float]:
+    def _size(self, geometry: Any) -> list[float]:
         if geometry.tag == "plane":
-            return list(self._vector(link, geometry, "normal", (0.0, 0.0, 1.0)))
+            return list(self._vector(geometry, "normal", (0.0, 0.0, 1.0)))
         if geometry.tag == "mesh":
             if "scale" not in geometry.attrib:
                 return [1.0, 1.0, 1.0]
             count = 1 if len(geometry.get("scale").split()) == 1 else 3
-            return self._numbers(link, geometry, "scale", count) * (3 // count)
+            return self._numbers(geometry, "scale", count) * (3 // count)
         sizes = _SIZES[geometry.tag].items()
-        return [x for key, count in sizes for x in self._numbers(link, geometry, key, count)]
+        return [x for key, count in sizes for x in self._numbers(geometry, key, count)]
 
-    def _mesh(self, link: Any, geometry: Any) -> str:
+    def _mesh(self, geometry: Any) -> str:
         """Return the absolute path of a mesh; its name, if there is no such file.
 
         PyBullet searches a name, or the folder of a package, in the folders above the URDF too.
@@ -309,26 +289,26 @@ class _Reader:
                 paths = [folder / file for folder in (self._folder, *self._folder.parents)]
         except WiringError as exc:
             if ".." in name.split("/"):
-                self._problem(geometry, f"{_who(link)}: {exc}")
+                self._problem(geometry, f"{geometry.owner}: {exc}")
             return str(name)
         return next((str(path) for path in paths if is_file(path)), str(name))
 
-    def _rgba(self, link: Any, element: Any) -> tuple[float, ...] | None:
+    def _rgba(self, element: Any) -> tuple[float, ...] | None:
         material = element.find("material")
         if material is None:
             return None
         own = material.find("color")
         color = self._palette.get(material.get("name")) if own is None else own
-        return None if color is None else tuple(self._numbers(link, color, "rgba", 4))
+        return None if color is None else tuple(self._numbers(color, "rgba", 4))
 
     # --- joints ---------------------------------------------------------------------------
 
     def _joint(self, joint: Any) -> Joint:
-        who, kind = _who(joint), joint.get("type")
-        limits = self._limits(joint, who, kind) if kind in _MOVING else {}
+        kind = joint.get("type")
+        limits = self._limits(joint, kind) if kind in _MOVING else {}
         is_endless = kind == "continuous" or "lower" not in limits
         dynamics = joint.find("dynamics")
-        resistance = {} if dynamics is None else self._given(joint, dynamics, "damping", "friction")
+        resistance = {} if dynamics is None else self._given(dynamics, "damping", "friction")
         if kind == "revolute" and is_endless:
             kind = "continuous"
         return Joint(
@@ -336,105 +316,103 @@ class _Reader:
             type=kind,
             parent=_end(joint, "parent") or "",
             child=_end(joint, "child") or "",
-            pose=self._pose(joint, joint),
-            axis=self._axis(joint, who) if kind in _MOVING else (1.0, 0.0, 0.0),
+            pose=self._pose(joint),
+            axis=self._axis(joint) if kind in _MOVING else (1.0, 0.0, 0.0),
             lower=None if is_endless else limits.get("lower"),
             upper=None if is_endless else limits.get("upper"),
             effort=limits.get("effort"),
             velocity=limits.get("velocity"),
             **resistance,
-            mimic=self._mimic(joint, who) if kind in _MOVING else None,
+            mimic=self._mimic(joint) if kind in _MOVING else None,
             line=self._line(joint),
         )
 
-    def _limits(self, joint: Any, who: str, kind: str) -> dict[str, float]:
+    def _limits(self, joint: Any, kind: str) -> dict[str, float]:
         """Return the limits of a joint: effort and velocity too, where it has any."""
         limit, is_bounded = joint.find("limit"), kind in ("revolute", "prismatic")
         if limit is None:
             if is_bounded:
+                text = f"{joint.owner} is {kind} and has no <limit>; give lower, upper, effort and"
                 instead = ", or make it continuous" if kind == "revolute" else ""
-                text = f"{who} is {kind} and has no <limit>; give lower, upper, effort and velocity"
-                self._problem(joint, f"{text}{instead}")
+                self._problem(joint, f"{text} velocity{instead}")
             return {}
-        motor = self._given(joint, limit, "effort", "velocity", least=0.0)
+        motor = self._given(limit, "effort", "velocity", least=0.0)
         values = {"effort": 0.0, "velocity": 0.0, **motor}
-        values |= self._given(joint, limit, "lower", "upper")
+        values |= self._given(limit, "lower", "upper")
         given = [key for key in ("lower", "upper") if key in values]
         if is_bounded and len(given) == 1:
-            text = f"{who} has one limit, {given[0]!r}; give both lower and upper"
+            text = f"{joint.owner} has one limit, {given[0]!r}; give both lower and upper"
             self._problem(limit, text)
         elif is_bounded and not given:
             remedy = "make it continuous, or give both" if kind == "revolute" else "give both"
             self._warnings.append(
-                f"{who} is {kind} without lower and upper, which stand for 0 and 0 in a URDF; it "
-                f"moves without stops: {remedy}"
+                f"{joint.owner} is {kind} without lower and upper, which stand for 0 and 0 in a "
+                f"URDF; it moves without stops: {remedy}"
             )
         elif is_bounded and values["lower"] > values["upper"]:
-            text = f"{who}: lower {values['lower']:g} is above upper {values['upper']:g}"
+            text = f"{joint.owner}: lower {values['lower']:g} is above upper {values['upper']:g}"
             self._problem(limit, text)
         return values
 
-    def _mimic(self, joint: Any, who: str) -> Mimic | None:
+    def _mimic(self, joint: Any) -> Mimic | None:
         mimic = joint.find("mimic")
         if mimic is None:
             return None
         name = mimic.get("joint")
         if name not in self._moving:
-            text = f"{who} follows joint {name!r}, which is not a movable joint"
+            text = f"{joint.owner} follows joint {name!r}, which is not a movable joint"
             self._problem(mimic, text + suggest(name, self._moving))
         elif (other := self._moving[name].find("mimic")) is not None:
             followed = other.get("joint")
-            text = (
-                f"{who} follows {name!r}, which follows {followed!r}; make both follow {followed!r}"
-            )
-            self._problem(mimic, text)
-        return Mimic(joint=name, **self._given(joint, mimic, "multiplier", "offset"))
+            text = f"follows {name!r}, which follows {followed!r}; make both follow {followed!r}"
+            self._problem(mimic, f"{joint.owner} {text}")
+        return Mimic(joint=name, **self._given(mimic, "multiplier", "offset"))
 
-    def _axis(self, joint: Any, who: str) -> Point:
+    def _axis(self, joint: Any) -> Point:
         """Return the axis of a joint that moves, with the length 1."""
         axis = joint.find("axis")
         if axis is None or "xyz" not in axis.attrib:
             return 1.0, 0.0, 0.0
-        x, y, z = self._numbers(joint, axis, "xyz", 3)
+        x, y, z = self._numbers(axis, "xyz", 3)
         length = math.hypot(x, y, z)
         if not length:
-            self._problem(axis, f"{who}: its axis is 0 0 0, which has no direction")
+            self._problem(axis, f"{joint.owner}: its axis is 0 0 0, which has no direction")
         if not length or abs(length - 1.0) < _ROUNDING:
             return x, y, z
         return x / length, y / length, z / length
 
     # --- numbers --------------------------------------------------------------------------
 
-    def _pose(self, owner: Any, element: Any) -> Pose:
+    def _pose(self, element: Any) -> Pose:
         origin = element.find("origin")
-        xyz, rpy = (self._vector(owner, origin, key, (0.0, 0.0, 0.0)) for key in ("xyz", "rpy"))
+        xyz, rpy = (self._vector(origin, key, (0.0, 0.0, 0.0)) for key in ("xyz", "rpy"))
         return Pose(xyz=xyz, rpy=rpy)
 
-    def _vector(self, owner: Any, element: Any, key: str, default: Point) -> Point:
+    def _vector(self, element: Any, key: str, default: Point) -> Point:
         """Return three numbers; with a warning, what PyBullet reads where they are others."""
         text = None if element is None else element.get(key)
         if text is None:
             return default
         if _INFINITE.search(text):
             where = f"{key}={text!r} of <{element.tag}>"
-            self._problem(element, f"{_who(owner)}: {where} is not finite")
+            self._problem(element, f"{element.owner}: {where} is not finite")
             return default
         words = text.split()
         numbers = [float(word) if _NUMBER.fullmatch(word) else 0.0 for word in words]
         x, y, z = [*numbers, 0.0, 0.0, 0.0][:3]
         if len(_floats(text)) != 3:
             self._warnings.append(
-                f"{_who(owner)}: {key}={text!r} of <{element.tag}> must be three numbers; "
+                f"{element.owner}: {key}={text!r} of <{element.tag}> must be three numbers; "
                 f"{x:g} {y:g} {z:g} is used"
             )
         return x, y, z
 
-    def _number(self, owner: Any, element: Any, key: str, *, least: float = -math.inf) -> float:
+    def _number(self, element: Any, key: str, *, least: float = -math.inf) -> float:
         """Return the number of an attribute."""
-        return self._numbers(owner, element, key, 1, least=least)[0]
+        return self._numbers(element, key, 1, least=least)[0]
 
     def _numbers(
-        self, owner: Any, element: Any, key: str, count: int, *, least: float = -math.inf
+        self, element: Any, key: str, count: int, *, least: float = -math.inf
     ) -> list[float]:
         """Return the numbers of an attribute; ones where it has others, or one below `least`."""
         numbers = _floats(element.get(key, ""))
@@ -443,15 +421,13 @@ class _Reader:
         given = f"{key}={element.get(key)!r}" if key in element.attrib else f"a missing {key}"
         wanted = f"{count} finite numbers" if count > 1 else "a finite number"
         wanted += "" if least == -math.inf else ", at least 0"
-        self._problem(element, f"{_who(owner)}: {given} of <{element.tag}> must be {wanted}")
+        self._problem(element, f"{element.owner}: {given} of <{element.tag}> must be {wanted}")
         return [1.0] * count
 
-    def _given(
-        self, owner: Any, element: Any, *keys: str, least: float = -math.inf
-    ) -> dict[str, float]:
+    def _given(self, element: Any, *keys: str, least: float = -math.inf) -> dict[str, float]:
         """Return the numbers of those attributes that an element has."""
         given = [key for key in keys if key in element.attrib]
-        return {key: self._number(owner, element, key, least=least) for key in given}
+        return {key: self._number(element, key, least=least) for key in given}
 
 
 def is_file(path: Path) -> bool:
@@ -460,10 +436,6 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):
         return False
-
-
-def _who(element: Any) -> str:
-    return f"{element.tag} {element.get('name')!r}"
 
 
 def _end(joint: Any, end: str) -> Any:

@@ -99,9 +99,7 @@ class Calls:
         self._script.move(self._time_ns(), name, (float(x), float(y), float(z)), heading)
 
     def _state(self, name: str) -> tuple[float, float]:
-        joint = self._joint(name)
-        position, velocity, *_ = self._physics.engine.read(joint.body, [joint.index])[0]
-        return position, velocity
+        return self._physics.state(self._joint(name))
 
     def _joint(self, name: object) -> Joint:
         joints = self._physics.joints

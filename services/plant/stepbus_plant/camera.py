@@ -1,7 +1,8 @@
 """Cameras: pinholes, behind a lens that blurs and a sensor with noise of colour and depth."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Literal
 
@@ -15,6 +16,7 @@ from stepbus_plant.engine import Engine, Light, Link
 from stepbus_plant.geometry import Array, rotation
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import CameraErrors
+from stepbus_plant.viewpoint import projection_matrix
 from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Message, PointCloud
 
@@ -103,8 +105,6 @@ TYPES = {"rgb": IMAGE, "depth": IMAGE, "points": CLOUD}
 
 Rendering = tuple[Image, Image]
 """Colours and depth."""
-Images = Callable[["Camera", int], Rendering | None]
-"""Returns what a camera puts out at a time [ns]; None: nothing."""
 
 
 class Camera:
@@ -113,7 +113,7 @@ class Camera:
     Its link is the optical frame: z forward, x right, y down. Integer pixel coordinates are pixel
     centres, counted from 0, so the principal point is ((width - 1) / 2, (height - 1) / 2).
     is_on: whether it takes images. period_ns: between two of them [ns]; None: each step.
-    latency_ns: after which they are put out [ns]. size: of what `pixels` returns [bytes].
+    latency_ns: after which they are put out [ns].
     """
 
     def __init__(
@@ -127,19 +127,10 @@ class Camera:
         self._is_triggered = self._is_asked = False
         self._link, self._engine, self._lens = link, engine, lens
         self._focal = row.height / 2 / math.tan(row.fov / 2)
-        self._projection = self._project()
-        self._color_size = 3 * row.width * row.height
-        self.size = self._color_size + 4 * row.width * row.height
-
-    def _project(self) -> Array:
-        """Return OpenGL's projection matrix, shape (4, 4)."""
-        row, matrix = self.row, np.zeros((4, 4))
-        matrix[0, 0] = 2 * self._focal / row.width
-        matrix[1, 1] = 2 * self._focal / row.height
-        matrix[2, 2] = (row.far + row.near) / (row.near - row.far)
-        matrix[2, 3] = 2 * row.far * row.near / (row.near - row.far)
-        matrix[3, 2] = -1.0
-        return matrix
+        self._projection = projection_matrix(row.fov, row.width / row.height, row.near, row.far)
+        self._asked_ns = -1
+        self._under_way: deque[tuple[int, Rendering]] = deque()
+        self._shown: Rendering | None = None
 
     def _view(self) -> Array:
         """Return the transform from the world to OpenGL's camera frame, shape (4, 4)."""
@@ -160,27 +151,33 @@ class Camera:
         self._is_asked = True
 
     def save(self) -> Any:
-        """Return whether it is on, for a checkpoint; None where it waits for requests."""
-        return None if self._is_triggered else self.is_on
+        """Return whether it is on, for a checkpoint.
+
+        None where it waits for requests, or images are under way.
+        """
+        return None if self._is_triggered or self._under_way else self.is_on
 
     def restore(self, saved: Any) -> None:
         """Take what `save` returned."""
         self.is_on = saved
 
-    def takes(self, t_ns: int) -> bool:
-        """Return whether it takes an image at a time [ns], to be asked once; requests end here."""
+    def images(self, t_ns: int) -> Rendering | None:
+        """Return the images due at a time [ns], drawn once for all ports; None: no image is due.
+
+        An image shows the world at the time of its exposure, `latency_ns` earlier.
+        """
+        if t_ns != self._asked_ns:
+            self._asked_ns = t_ns
+            if self._takes(t_ns):
+                self._under_way.append((t_ns + self.latency_ns, self.render(t_ns)))
+            is_due = bool(self._under_way) and self._under_way[0][0] == t_ns
+            self._shown = self._under_way.popleft()[1] if is_due else None
+        return self._shown
+
+    def _takes(self, t_ns: int) -> bool:
         is_asked, self._is_asked = self._is_asked, False
         is_due = is_asked if self._is_triggered else t_ns % (self.period_ns or 1) == 0
         return is_due and self.is_on
-
-    def pixels(self, t_ns: int) -> bytes:
-        """Return what `render` does, for `rendering` to make images of."""
-        return b"".join(image.data for image in self.render(t_ns))
-
-    def rendering(self, pixels: bytes) -> Rendering:
-        """Return colours and depth, of what `pixels` has returned."""
-        colors, depth = pixels[: self._color_size], pixels[self._color_size :]
-        return self._image("rgb8", colors), self._image("32FC1", depth)
 
     def render(self, t_ns: int = 0) -> Rendering:
         """Return the current colour image, and the depth along z [m]; t_ns: of its noise.
@@ -231,9 +228,9 @@ class Camera:
 class View:
     """What one port shows of a camera: a quantity of `TYPES`."""
 
-    def __init__(self, camera: Camera, quantity: str, images: Images) -> None:
+    def __init__(self, camera: Camera, quantity: str) -> None:
         self.camera, self.port_type = camera, TYPES[quantity]
-        self._quantity, self._images = quantity, images
+        self._quantity = quantity
 
     @property
     def description(self) -> Description:
@@ -254,7 +251,7 @@ class View:
 
     def sense(self, t_ns: int) -> Message | None:
         """Return what the camera puts out at a time [ns]; None: nothing."""
-        images = self._images(self.camera, t_ns)
+        images = self.camera.images(t_ns)
         if images is None or self._quantity == "points":
             return None if images is None else self.camera.cloud(images)
         return images[0] if self._quantity == "rgb" else images[1]
@@ -277,12 +274,12 @@ class TriggerDriver(Commander):
             self._camera.trigger()
 
 
-def views(cameras: Mapping[str, Camera], images: Images) -> dict[str, View]:
+def views(cameras: Mapping[str, Camera]) -> dict[str, View]:
     """Return name of a port → what it shows."""
     named: dict[str, View] = {}
     for quantity in TYPES:
         for name, camera in cameras.items():
-            view = View(camera, quantity, images)
+            view = View(camera, quantity)
             named |= {quantity: view} if len(cameras) == 1 else {}
             named[f"{name}_{quantity}"] = view
     return named

@@ -100,7 +100,6 @@ class ContactSensor:
         # Query by body: where items stand on shelves, most contacts are theirs.
         watches_all = len(self._watched) == len(self._names)
         self._bodies = None if watches_all else sorted({body for body, _ in self._watched})
-        self._pairs: dict[tuple[Link, Link], tuple[Pair, bool]] = {}
         self._within = within
         solid = (link for link in links if engine.is_solid(indices[link]))
         self._near = [indices[link] for link in solid] if within > 0.0 else []
@@ -211,16 +210,11 @@ class ContactSensor:
             yield point._replace(distance=distance, force=0.0)
 
     def _point(self, contact: Contact) -> _Point:
-        key = contact.one, contact.other
-        known = self._pairs.get(key)
-        if known is None:
-            first, second = self._names[contact.one], self._names[contact.other]
-            is_swapped = second < first
-            known = (second, first) if is_swapped else (first, second), is_swapped
-            self._pairs[key] = known
-        pair, is_swapped = known
-        position = contact.on_one if is_swapped else contact.on_other
-        return _Point(pair, contact.distance, contact.force, position)
+        one, other = self._names[contact.one], self._names[contact.other]
+        pair, at = (
+            ((other, one), contact.on_one) if other < one else ((one, other), contact.on_other)
+        )
+        return _Point(pair, contact.distance, contact.force, at)
 
     def press(self, forces: Mapping[tuple[Link, Link], float], seconds: float) -> None:
         """Report these forces [N], and no others: the engine computes none; seconds: how long."""

@@ -9,7 +9,6 @@ from stepbus_plant.base import Base, BaseDriver
 from stepbus_plant.camera import TYPES, Camera, Lens, TriggerDriver, views
 from stepbus_plant.commander import Commander
 from stepbus_plant.contacts import ContactSensor
-from stepbus_plant.drawing import Drawing
 from stepbus_plant.drives import Motors
 from stepbus_plant.gripper import Gripper, GripperDriver
 from stepbus_plant.noise import Noise
@@ -70,7 +69,7 @@ class Devices:
     """All devices and sensors of a world in which `mistakes` finds none.
 
     period_ns: length of the plant's step [ns]. params, seed: of their errors. felt: the sensors of
-    contacts that outputs show.
+    contacts that outputs show. has_images: whether outputs show cameras.
     """
 
     def __init__(self, physics: Physics, params: Params, period_ns: int, seed: int) -> None:
@@ -104,8 +103,8 @@ class Devices:
         }
         for name in self.cameras:
             self.switch_camera(name, on=True)
-        self.drawing = Drawing(has_copies=physics.engine.draws_in_copies)
-        self._views = views(self.cameras, self.drawing.images)
+        self._views = views(self.cameras)
+        self.has_images = False
         self._sensors: dict[tuple[str, str], Sensor] = {
             (section, name): device
             for section in ("bases", "grippers", "contacts")
@@ -114,14 +113,15 @@ class Devices:
 
     def save(self) -> dict[str, Any] | None:
         """Return what devices remember; None where that cannot be had."""
-        cameras = self.drawing.save()
+        cameras = {name: camera.save() for name, camera in self.cameras.items()}
         rows = {"/".join(key): sensor for key, sensor in self._sensors.items()}
         states = {key: row.save() for key, row in rows.items() if isinstance(row, _Remembers)}
-        return None if cameras is None else {**states, "cameras": cameras}
+        return None if None in cameras.values() else {**states, "cameras": cameras}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Take what `save` returned."""
-        self.drawing.restore(saved["cameras"])
+        for name, is_on in saved["cameras"].items():
+            self.cameras[name].restore(is_on)
         for key, sensor in self._sensors.items():
             if isinstance(sensor, _Remembers):
                 sensor.restore(saved["/".join(key)])
@@ -151,7 +151,7 @@ class Devices:
                 known = names if self._views else "the world has no 'cameras'"
                 raise WiringError(f"has type {port_type}; {known}")
             camera = self._views[port].camera
-            self.drawing.add(camera)
+            self.has_images = True
             # One with a latency puts its images out at other steps than it takes them.
             period_ns = None if camera.latency_ns else camera.period_ns
             return self._views[port], period_ns or self._period_ns

@@ -62,14 +62,11 @@ class Watchdog:
         self, drivers: Mapping[str, Commander], t_ns: int, record: Callable[[int, str], None]
     ) -> None:
         """Halt what has been left alone; record: takes the time and what has happened."""
-        late = [port for port, at_ns in self.heard.items() if t_ns - at_ns >= self._longest()]
-        for port in late:
+        longest_ns = self._longest_ns or 0
+        for port in [port for port, at_ns in self.heard.items() if t_ns - at_ns >= longest_ns]:
             # Once; the next command ends it.
             del self.heard[port]
             if drivers[port].obeys_stop:
                 drivers[port].halt()
-                longest = format_duration(self._longest())
+                longest = format_duration(longest_ns)
                 record(t_ns, f"no command on input {port!r} for {longest}: it brakes")
-
-    def _longest(self) -> int:
-        return self._longest_ns or 0

@@ -116,16 +116,15 @@ class Light:
 class Engine(Protocol):
     """A world of bodies without a window. Bodies are numbered as they are loaded, from 0 on.
 
-    An engine inherits what it does not do otherwise.
+    Its bodies are loaded, coupled and let through each other before the first step or reading. An
+    engine inherits what it does not do otherwise.
 
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
-    name: as the world file has it. geometry: as it computes with poses. draws_in_copies: whether a
-    copy of the process can draw images.
+    name: as the world file has it. geometry: as it computes with poses.
     """
 
     name: str
     geometry: Geometry
-    draws_in_copies: bool
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None: ...
 

@@ -45,18 +45,7 @@ class Geometry:
     def between(self, one: Pose, other: Pose, share: float) -> Pose:
         """Return the pose at a share of the way from one to another, turned evenly."""
         x, y, z = (a + share * (b - a) for a, b in zip(one[0], other[0], strict=True))
-        return (x, y, z), self._slerp(one[1], other[1], share)
-
-    def _slerp(self, one: Quaternion, other: Quaternion, share: float) -> Quaternion:
-        cosine = sum(a * b for a, b in zip(one, other, strict=True))
-        sign, cosine = math.copysign(1.0, cosine), abs(cosine)
-        if cosine > _PARALLEL:
-            return one
-        angle = math.acos(cosine)
-        mine = math.sin((1.0 - share) * angle) / math.sin(angle)
-        others = sign * math.sin(share * angle) / math.sin(angle)
-        x, y, z, w = (mine * a + others * b for a, b in zip(one, other, strict=True))
-        return x, y, z, w
+        return (x, y, z), _slerp(one[1], other[1], share)
 
     def spin_between(self, one: Quaternion, other: Quaternion, seconds: float) -> Point:
         """Return the angular velocity that turns one orientation into another so fast [rad/s]."""
@@ -73,6 +62,18 @@ class Geometry:
     def into(self, frame: Pose, point: Point) -> Point:
         """Return a point of the world in a frame."""
         return self.out_of(self.inverse(frame), point)
+
+
+def _slerp(one: Quaternion, other: Quaternion, share: float) -> Quaternion:
+    cosine = sum(a * b for a, b in zip(one, other, strict=True))
+    sign, cosine = math.copysign(1.0, cosine), abs(cosine)
+    if cosine > _PARALLEL:
+        return one
+    angle = math.acos(cosine)
+    mine = math.sin((1.0 - share) * angle) / math.sin(angle)
+    others = sign * math.sin(share * angle) / math.sin(angle)
+    x, y, z, w = (mine * a + others * b for a, b in zip(one, other, strict=True))
+    return x, y, z, w
 
 
 def product(one: Quaternion, other: Quaternion) -> Quaternion:

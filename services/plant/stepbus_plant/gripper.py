@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from stepbus_plant.commander import Commander
 from stepbus_plant.drives import Motors
-from stepbus_plant.engine import BASE, Contact, Engine, Gear, Link
+from stepbus_plant.engine import BASE, Contact, Engine, Link
 from stepbus_plant.geometry import Pose
 from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.world import GripperSettings
@@ -116,8 +116,6 @@ class Gripper:
         self._stale: list[Link] = []
         self._renewed = False
         self._force = 0.0
-        # Uncoupled fingers drift with the object.
-        engine.couple(left.body, left.index, right.index, Gear(1.0, 0.0, erp=0.1, force=100.0))
 
     def width(self) -> float:
         """Return the current distance of the fingers [m]."""

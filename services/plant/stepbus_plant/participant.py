@@ -269,7 +269,7 @@ class Plant(Participant):
         """Return the versions of the libraries that physics and images depend on."""
         engine = self.plant.physics.engine
         versions = {name: installed_version(name) for name in ("numpy", engine.name, "stepbus")}
-        if self.plant.devices.drawing.has_cameras:
+        if self.plant.devices.has_images:
             versions["renderer"] = engine.renderer()
         return versions
 

@@ -1,13 +1,11 @@
 """A world in the physics engine: its bodies, links and joints by name."""
 
 import dataclasses
-import itertools
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TypeVar
-from weakref import WeakValueDictionary
 
 from stepbus_models import Mimic, RobotDescription, read_robot
 from stepbus_participant import Problems, suggest
@@ -29,8 +27,8 @@ _GEAR_ERP = 0.2
 _GEAR_FORCE = 1e4
 _STANDS = 1e-3
 """Gap below which a thing stands on what is beneath it [m]."""
-_NUMBERS = itertools.count()
-_OPEN: WeakValueDictionary[int, "Physics"] = WeakValueDictionary()
+_OPEN: list["Physics"] = []
+"""In the order in which they were opened."""
 
 
 class Physics:
@@ -62,8 +60,7 @@ class Physics:
         self._items: list[int] = []
         self._coupled: set[int] = set()
         self._loose: set[Link] = set()
-        self._number = next(_NUMBERS)
-        _OPEN[self._number] = self
+        _OPEN.append(self)
         try:
             loaded = [row for name, body in world.bodies.items() for row in self._load(name, body)]
             if any(keys[-1] == "urdf" for keys, _ in self.mistakes):
@@ -132,7 +129,8 @@ class Physics:
 
     def close(self) -> None:
         """Disconnect from the engine."""
-        _OPEN.pop(self._number, None)
+        if self in _OPEN:
+            _OPEN.remove(self)
         self.engine.close()
 
     # --- loading --------------------------------------------------------------------------
@@ -271,6 +269,18 @@ class Physics:
     def _start(self) -> None:
         """Set the limits, motors and start positions of all joints."""
         engine = self.engine
+        for body, leader in self._followers:
+            if body in self._coupled:
+                continue
+            for follower, mimic in self._followers_of((body, leader)):
+                gear = Gear(mimic.multiplier, mimic.offset, _GEAR_ERP, _GEAR_FORCE)
+                engine.couple(body, follower.index, leader, gear)
+        for row in self.world.grippers.values():
+            left, right = (self.joints.get(name) for name in (row.left, row.right))
+            # Uncoupled fingers drift with the object. Mistakes in a gripper are found later.
+            if left and right and left.body == right.body and left != right:
+                gear = Gear(1.0, 0.0, erp=0.1, force=100.0)
+                engine.couple(left.body, left.index, right.index, gear)
         for joint in self.joints.values():
             where = joint.body, joint.index
             is_loose = where in self._loose
@@ -278,12 +288,6 @@ class Physics:
             engine.set_joint(*where, damping=joint.damping, lower=stops[0], upper=stops[1])
             self.teleport(joint, joint.start, joint.start_velocity)
             engine.turn(joint.body, [joint.index], [0.0], [joint.friction])
-        for body, leader in self._followers:
-            if body in self._coupled:
-                continue
-            for follower, mimic in self._followers_of((body, leader)):
-                gear = Gear(mimic.multiplier, mimic.offset, _GEAR_ERP, _GEAR_FORCE)
-                engine.couple(body, follower.index, leader, gear)
         if self._items:
             engine.update_shapes()
         for number in self._items:
@@ -307,7 +311,7 @@ class Physics:
 
 def open_worlds() -> list[Physics]:
     """Return the worlds that are open in this process, in the order in which they were opened."""
-    return [world for _, world in sorted(_OPEN.items())]
+    return list(_OPEN)
 
 
 def _by_name(rows: Iterable[tuple[str, str, T]]) -> dict[str, T]:

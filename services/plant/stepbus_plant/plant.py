@@ -222,8 +222,7 @@ class SimulatedPlant:
         self.warnings.reported, self.warnings.pending = set(saved.reported), saved.pending
 
     def close(self) -> None:
-        """Draw no further, and disconnect from the physics engine."""
-        self.devices.drawing.close()
+        """Disconnect from the physics engine."""
         self.physics.close()
 
 

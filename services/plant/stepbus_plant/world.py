@@ -167,7 +167,7 @@ class CameraSettings(Settings):
     input of the plant triggers the camera."""
     latency_ns: Duration | None = None
     """Delay from image to message for exposure and transfer, a multiple of the plant's step.
-    The image is then rendered in parallel on another core. Default: none."""
+    Default: none."""
     width: Pixels = 320
     """[pixel]"""
     height: Pixels = 240

@@ -128,16 +128,3 @@ BESIDE = {
 
 TRIPS = {**{state: state for state in ("depart", "return", "drive", "home")}, **BESIDE}
 """State while the base drives → likewise."""
-
-
-def diagram() -> str:
-    """Return the table as text, one line per state; ↓ leads to the state in the next line."""
-    names = list(STATES)
-    below = dict(zip(names, [*names[1:], ""], strict=True))
-    return "\n".join(_line(name, STATES[name], below[name]) for name in names)
-
-
-def _line(name: str, state: State, below: str) -> str:
-    arrows = [f"{end} {'↓' if to == below else f'→ {to}'}" for end, to in state.then.items()]
-    first, others = (arrows or ["■"])[0], arrows[1:]
-    return f"{name:<13} {first:<20} {'   '.join(others)}".rstrip()

@@ -42,7 +42,6 @@ from stepbus_store.mission.checks import CURABLE, PLANNABLE, check_of
 from stepbus_store.mission.geometry import TrueBase
 from stepbus_store.mission.goals import GOALS
 from stepbus_store.mission.params import Params, unknown_type
-from stepbus_store.mission.port_names import PortNames
 from stepbus_store.mission.report import WITNESSES, summary
 from stepbus_store.mission.rest import Interruption, overturned
 from stepbus_store.mission.state import (
@@ -61,6 +60,24 @@ from stepbus_store.mission.witness import Witness
 from stepbus_store.poses import check_poses
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
+
+
+class _PortNames:
+    """Names of the ports; summary may be the same as events. Problems are added to `ports`."""
+
+    def __init__(self, ports: Ports) -> None:
+        self.events, self.summary = ports.event_outputs()
+        ports.outputs_are("Goal/1", "Event/1", "CameraTrigger/1")
+        self.poses, self.planogram = ports.input_beside("Poses/1", "planogram")
+        self.odometry, self.pose = ports.input_beside("BaseState/1", "pose")
+        self.detections = ports.input_of("Detections/1")
+        self.gripper = ports.input_of("GripperState/1")
+        self.status = ports.input_of("GoalStatus/1")
+        self.contacts = ports.optional_input_of("Contacts/1")
+        self.stop = ports.optional_input_of("EmergencyStop/1")
+        self.imu = ports.optional_input_of("Imu/1")
+        self.camera = ports.optional_output_of("CameraTrigger/1")
+        self.goal = ports.output_of("Goal/1")
 
 
 class StoreMission(Participant):
@@ -83,7 +100,7 @@ class StoreMission(Participant):
     def __init__(self, config: Config) -> None:
         super().__init__(config)
         ports = Ports(config)
-        self._ports = PortNames(ports)
+        self._ports = _PortNames(ports)
         self._settings = config.read(Params, ports.problems)
         self._goals = 0
         self._images = 0

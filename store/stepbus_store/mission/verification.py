@@ -132,7 +132,6 @@ def nearest(
     None: none that stands is near enough. lies: look for one that lies.
     """
     _, item = store.now
-    _check(detections)
     rows = zip(detections.types, detections.position, detections.orientation, strict=True)
     spots = [
         (_in_odometry(store, detections.frame, position, yaw_of(orientation)), position[2])
@@ -145,22 +144,6 @@ def nearest(
     if seen is None or _distance(seen[0], expected) > near:
         return None
     return seen
-
-
-def _check(detections: Detections) -> None:
-    """Raise RunError for inconsistent detections and for poses that are not finite."""
-    counts = (len(detections.types), len(detections.position), len(detections.orientation))
-    if len(set(counts)) > 1:
-        types, positions, orientations = counts
-        raise RunError(
-            f"detections have {types} types, {positions} positions and {orientations} "
-            "orientations; they must have equal lengths"
-        )
-    for name, position, turn in zip(
-        detections.types, detections.position, detections.orientation, strict=True
-    ):
-        if not math.isfinite(sum(position) + sum(turn)):
-            raise RunError(f"{name} has an invalid pose: position {position}, orientation {turn}")
 
 
 def _distance(a: Spot, b: Spot) -> float:

@@ -89,11 +89,8 @@ class Avoidance:
     def start(self, goal: Goal, part: Part) -> None:
         """Watch a new goal."""
         self._touched, self._is_slow = None, False
-        self._back_off, self._retreat, self._replans = None, None, 0
-        self.slowest, self._least_scale = "", 1.0
         self._base_back_off, self._near = None, None
-        self._is_beside = False
-        self._monitor_goal(goal, part, grips=goal.type == "grip")
+        self.join(goal, part)
 
     def join(self, goal: Goal, part: Part, driving: Goal | None = None) -> None:
         """Watch a goal in the place of another one, or beside that of the base.
@@ -103,14 +100,13 @@ class Avoidance:
         self._back_off, self._retreat, self._replans = None, None, 0
         self.slowest, self._least_scale = "", 1.0
         self._is_beside = driving is not None
+        self._monitor_goal(goal, part, driving)
+
+    def _monitor_goal(self, goal: Goal, part: Part, driving: Goal | None = None) -> None:
         if self._monitor is not None:
             touches = [*goal.touches, *(driving.touches if driving is not None else ())]
             moves = "all" if driving is not None else MOVES[part]
             self._monitor.start(touches, grips=goal.type == "grip", moves=moves)
-
-    def _monitor_goal(self, goal: Goal, part: Part, *, grips: bool = False) -> None:
-        if self._monitor is not None:
-            self._monitor.start(goal.touches, grips=grips, moves=MOVES[part])
 
     def scale(self, now: Measured, dt: float, *, has_goal: bool) -> float | None:
         """Return the share of its full speed for the robot; None: nothing is monitored.

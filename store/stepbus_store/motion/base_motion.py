@@ -72,13 +72,6 @@ class _Drive:
         return float(at.position[0]), float(at.velocity[0]), float(at.acceleration[0])
 
 
-@dataclass(kw_only=True)
-class _Halt:
-    """The wheels are locked; steps: of standing, in a row."""
-
-    steps: int = 0
-
-
 class BaseMotion:
     """Carries out the goals `drive`, `turn` and `go_to`, one at a time, by odometry.
 
@@ -98,7 +91,8 @@ class BaseMotion:
         self._dt = 0.0
         self._target: tuple[float, float, float] | None = None
         self._pose: Reference | None = None
-        self._halt: _Halt | None = None
+        # The wheels are locked: for how many steps in a row the base has stood.
+        self._halt: int | None = None
         self._behind: _Drive | None = None
 
     @property
@@ -178,7 +172,7 @@ class BaseMotion:
         self._waiting.clear()
         self._done = False
         self._drive, self._pose, self._target = None, None, None
-        self._halt = _Halt()
+        self._halt = 0
 
     def back_off(self, distance: float) -> bool:
         """Halt, then go back along the segment, no further than its start; False: it has not begun.
@@ -313,11 +307,11 @@ class BaseMotion:
             return self._jammed(drive, error)
         return self._settle(drive, error) if drive.is_over else None
 
-    def _wait_for_rest(self, halt: _Halt) -> None:
+    def _wait_for_rest(self, stood: int) -> None:
         """Go on once the base stands; what is to come starts there."""
         state = self.state
-        halt.steps = halt.steps + 1 if self._stands(state) else 0
-        if halt.steps >= _STEPS:
+        self._halt = stood + 1 if self._stands(state) else 0
+        if self._halt >= _STEPS:
             self._halt, self._scale = None, 1.0
             self._pose = Reference.standing(state.x, state.y, state.yaw)
             if self._waiting:

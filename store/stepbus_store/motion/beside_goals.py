@@ -8,7 +8,6 @@ from msgspec.structs import replace
 from stepbus_schemas import Goal, Point
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.manipulator.manipulator import Manipulator
-from stepbus_store.motion.manipulator.segments import Beside
 from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
 
@@ -99,9 +98,8 @@ class Companion:
             x, y, yaw = self.goal.base
             state = replace(state, x=x, y=y, yaw=yaw, vx=0.0, wz=0.0)
         self.phase = "asked"
-        beside = Beside(bases=bases, waits=True)
         try:
-            self.arm.start(self.goal, now.q, state, t, held=self.held, beside=beside)
+            self.arm.start(self.goal, now.q, state, t, held=self.held, bases=bases)
         except Refused:
             self.postpone(now, t)
 

@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 from eaik.IK_HP import HPRobot
 
-from stepbus_kinematics import Indices, Overload, RobotModel, Vector
+from stepbus_kinematics import Indices, Overload, RobotModel, SelfCollisions, Vector
 from stepbus_schemas import RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.ik_search import InverseKinematics
+from stepbus_store.motion.ik_search import SINGULAR_BELOW, InverseKinematics
 from stepbus_store.motion.outcome import Refused
 
 TURN = 2 * math.pi
@@ -110,9 +110,8 @@ def _wrapped(angle: Vector) -> Vector:
 class BranchSolver:
     """Finds the solutions for a pose of a frame, the nearest first.
 
-    Where a chain has no analytic solution, damped least squares finds one. seed: of the search.
-    singular_below: smallest singular value of the tip's Jacobian, lengths in [m]. effort_share: of
-    the effort limits that holding still may take.
+    Where a chain has no analytic solution, `search` finds one; seed, collisions: see there.
+    effort_share: of the effort limits that holding still may take.
     """
 
     def __init__(
@@ -120,14 +119,14 @@ class BranchSolver:
         robot: RobotModel,
         *,
         seed: int,
-        singular_below: float = 0.01,
         effort_share: float = 1.0,
+        collisions: SelfCollisions | None = None,
     ) -> None:
         self._robot = robot
-        self._least, self._effort_share = singular_below, effort_share
+        self._effort_share = effort_share
         # Weighted so, a distance is a time.
         self._weights = 1.0 / robot.velocity_limit
-        self._search = InverseKinematics(robot, seed=seed, singular_below=singular_below)
+        self.search = InverseKinematics(robot, seed=seed, collisions=collisions)
         self._chains: dict[str, AnalyticChain] = {}
 
     def chain(self, tip: str) -> AnalyticChain:
@@ -150,20 +149,20 @@ class BranchSolver:
         """
         branches = self._branches(tip, target, q)
         if not branches:
-            solution = self._search.solve(tip, target, q)
+            solution = self.search.solve(tip, target, q)
             if solution.verdict != "reached":
                 raise Refused(Cause(solution.verdict), str(solution))
             return [solution.q]
         inside = [turns for branch in branches if (turns := self._turns(branch, q))]
         if not inside:
             raise Refused(Cause.LIMITS, self._limits_text(tip, target, q, branches))
-        regular = [turns for turns in inside if self.smallest(tip, turns[0]) >= self._least]
+        regular = [turns for turns in inside if self.smallest(tip, turns[0]) >= SINGULAR_BELOW]
         if not regular:
             best = max(self.smallest(tip, turns[0]) for turns in inside)
             raise Refused(
                 Cause.SINGULAR,
                 f"singular: the best of {len(inside)} solutions has a smallest singular value of "
-                f"{best:.4f}; at least {self._least:.4f} is needed",
+                f"{best:.4f}; at least {SINGULAR_BELOW:.4f} is needed",
             )
         holdable = [turns for turns in regular if self.overload(tip, turns[0]) is None]
         if not holdable:
@@ -180,11 +179,11 @@ class BranchSolver:
         """Return whether any solution is good, without asking why not."""
         if self.chain(tip).solves:
             return any(self._is_good(tip, branch) for branch in self._branches(tip, target, q))
-        return self._search.solve(tip, target, q).verdict == "reached"
+        return self.search.solve(tip, target, q).verdict == "reached"
 
     def _is_good(self, tip: str, branch: Vector) -> bool:
         first, last = self._spans(branch)
-        regular = bool((first <= last).all()) and self.smallest(tip, branch) >= self._least
+        regular = bool((first <= last).all()) and self.smallest(tip, branch) >= SINGULAR_BELOW
         return regular and self.overload(tip, branch) is None
 
     def _spans(self, branch: Vector) -> tuple[Indices, Indices]:
@@ -226,7 +225,7 @@ class BranchSolver:
         excess = min(rows, key=lambda row: float(row.max()))
         branch = branches[next(i for i, row in enumerate(rows) if row is excess)]
         worst = int(np.argmax(excess))
-        closest = self._search.solve(tip, target, q)
+        closest = self.search.solve(tip, target, q)
         return (
             f"out of limits: {robot.joints[worst]} would have to go to {branch[worst]:.3f} rad, "
             f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}]; within them the "

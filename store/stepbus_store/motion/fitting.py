@@ -62,6 +62,32 @@ def fitted(
     return Stretched(trajectory, factor) if factor > 1.0 else trajectory
 
 
+def all_fitted(
+    parts: Sequence[Trajectory],
+    robot: RobotModel,
+    limits: MotionLimits,
+    *,
+    effort_share: float,
+    least_duration: float,
+) -> list[Trajectory]:
+    """Return motions that follow one another, each `fitted`; least_duration: of all of them [s]."""
+    within = [fitted(part, robot, limits, effort_share=effort_share) for part in parts]
+    total = sum(part.duration for part in within)
+    if not 0 < total < least_duration:
+        return within
+    slower = least_duration / total
+    return [
+        fitted(
+            part,
+            robot,
+            limits,
+            effort_share=effort_share,
+            least_duration=part.duration * slower,
+        )
+        for part in within
+    ]
+
+
 def _jerk_ratio(trajectory: Trajectory, limits: MotionLimits) -> float:
     """Return the largest jerk, as a share of its limit; jumps of the acceleration are averaged."""
     count = min(math.ceil(trajectory.duration / _JERK_OVER_S), 2000)

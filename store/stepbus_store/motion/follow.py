@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_store.cause import Cause
+from stepbus_store.motion.ik_search import SINGULAR_BELOW
 from stepbus_store.motion.outcome import Refused
 
 
@@ -132,16 +133,14 @@ class Lost(Refused):
         self.index = index
 
 
-def follow(
-    robot: RobotModel, tip: str, path: Sequence[TipPose], start: Vector, singular_below: float
-) -> JointPath:
+def follow(robot: RobotModel, tip: str, path: Sequence[TipPose], start: Vector) -> JointPath:
     """Return the joints along a path of the tip, staying on the branch of their start.
 
     start: where the tip is at the first pose, shape (n,) [rad]. Between two poses the joints are
     predicted by the Jacobian, then corrected by Newton's method. Raises Lost with cause
     unreachable, limits or singular where the path leaves the branch.
     """
-    tracer = _Tracer(robot, tip, singular_below)
+    tracer = _Tracer(robot, tip)
     q, slope = start, np.zeros(len(start))
     rows: list[Vector] = []
     slopes: list[Vector] = []
@@ -160,11 +159,10 @@ def follow(
 
 
 class _Tracer:
-    def __init__(self, robot: RobotModel, tip: str, singular_below: float) -> None:
+    def __init__(self, robot: RobotModel, tip: str) -> None:
         self._robot = robot
         self._chain = robot.chain(tip)
         self._number = robot.frame_id(tip)
-        self._least = singular_below
 
     def step(self, before: Vector, guess: Vector, wanted: TipPose) -> tuple[Vector, Vector]:
         """Return joints at a pose and their slope, from those before and a guess."""
@@ -197,8 +195,8 @@ class _Tracer:
 
     def _check_singular(self, jacobian: Vector) -> None:
         least = float(np.linalg.svd(jacobian, compute_uv=False).min())
-        if least < self._least:
-            text = f"the smallest singular value falls to {least:.4f}, below {self._least:.4f},"
+        if least < SINGULAR_BELOW:
+            text = f"the smallest singular value falls to {least:.4f}, below {SINGULAR_BELOW:.4f},"
             raise Refused(Cause.SINGULAR, f"singular: {text}")
 
     def _check_limits(self, q: Vector) -> None:

@@ -10,6 +10,9 @@ import pinocchio as pin
 
 from stepbus_kinematics import Indices, LinkPair, Overload, RobotModel, SelfCollisions, Vector
 
+SINGULAR_BELOW = 0.01
+"""Smallest singular value of a tip's Jacobian that is accepted, with lengths in [m]."""
+
 Verdict = Literal["reached", "not_holdable", "in_collision", "singular", "unreachable"]
 _WORSE: tuple[Verdict, ...] = (
     "reached", "not_holdable", "in_collision", "singular", "unreachable",
@@ -92,20 +95,14 @@ class InverseKinematics:
     grows with the error, so that a pose out of reach is approached without swinging (Sugihara,
     Solvability-Unconcerned Inverse Kinematics by the Levenberg-Marquardt Method, 2011, with
     c = 1/2; a smaller one is quicker where the pose can be reached). The first attempt
-    starts at the given pose, the others at random ones. singular_below: smallest singular value of
-    the Jacobian that is accepted [-]. collisions: None: not checked.
+    starts at the given pose, the others at random ones. seed: of these. collisions: of the robot
+    with itself; None: not checked.
     """
 
     def __init__(
-        self,
-        robot: RobotModel,
-        *,
-        seed: int,
-        singular_below: float = 0.01,
-        collisions: SelfCollisions | None = None,
+        self, robot: RobotModel, *, seed: int, collisions: SelfCollisions | None = None
     ) -> None:
         self._robot = robot
-        self._singular_below = singular_below
         self._collisions = collisions
         self._random = np.random.Generator(np.random.PCG64(seed))
 
@@ -194,7 +191,7 @@ class InverseKinematics:
         part = jacobian[:, chain]
         smallest = float(np.linalg.svd(part, compute_uv=False).min())
         verdict: Verdict = "reached" if self._is_there(error) else "unreachable"
-        if verdict == "reached" and smallest < self._singular_below:
+        if verdict == "reached" and smallest < SINGULAR_BELOW:
             verdict = "singular"
         return replace(
             self._judged(q, verdict, chain),

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
-from stepbus_schemas import Contacts, RunError
+from stepbus_schemas import Contacts
 from stepbus_store.motion.sensed import MORE_FORCE, Approach, Collision, MonitorSettings, Watch
 
 Moves = Literal["arm", "base", "all"]
@@ -155,13 +155,8 @@ class CollisionMonitor:
 
         holding: whether the gripper holds something between its pads. speed_of: speed of a link of
         the robot, or of what it holds, now and at the arm's full rate [m/s]. base_speed: of the
-        fastest point that the base moves [m/s]. Raises RunError for contacts whose fields have
-        different lengths.
+        fastest point that the base moves [m/s].
         """
-        counts = (len(contacts.pairs), len(contacts.peaks), len(contacts.distance))
-        if len(set(counts)) > 1:
-            text = f"{counts[0]} pairs, {counts[1]} forces, {counts[2]} distances"
-            raise RunError(f"the contacts have {text}; they must have equal lengths")
         self._learn_ground(contacts)
         held = self.held
         self._grasp.update(contacts, holding=holding, grips=self._grips)

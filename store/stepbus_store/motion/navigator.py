@@ -3,13 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from msgspec.structs import replace
-
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point
 from stepbus_store.cause import Cause
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.outcome import Outcome, Refused
-from stepbus_store.motion.route import base_route, first_part
+from stepbus_store.motion.route import base_route
 
 _A_MOMENT = 0.6
 """How long the base waits for what is in its way, until it asks for a way around that [s]."""
@@ -33,7 +31,6 @@ class _Trip:
     drives: bool = False
     replans: int = 0
     route: list[Point] | None = None
-    is_cut: bool = False
     alone_since: float | None = None
     hindered_at: float | None = None
     not_before: float = 0.0
@@ -43,20 +40,12 @@ class Navigator:
     """Lets a base drive to a pose along a planner's route; one goal at a time.
 
     next_id: makes the ids of requests, which the arm's share. timeout: for an answer [s].
-    replans: how often a goal may get another route. step: after which the base stops and asks for
-    the rest of its route anew, unless it goes together with the arm; 0: it does not [m].
+    replans: how often a goal may get another route.
     """
 
     def __init__(
-        self,
-        base: BaseMotion,
-        next_id: Callable[[], int],
-        timeout: float,
-        replans: int,
-        *,
-        step: float = 0.0,
+        self, base: BaseMotion, next_id: Callable[[], int], timeout: float, replans: int
     ) -> None:
-        self._step = step
         self._base = base
         self._next_id = next_id
         self._timeout = timeout
@@ -160,13 +149,8 @@ class Navigator:
 
     def _drive(self, trip: _Trip, route: list[Point]) -> None:
         state = self._base.state
-        # The arm beside it counts on the whole route.
-        steps = self._step > 0.0 and trip.goal.type != "go_together"
-        cut = first_part((state.x, state.y, state.yaw), route, self._step) if steps else None
-        trip.is_cut = cut is not None
-        goal = trip.goal if cut is None else replace(trip.goal, base=cut[-1])
         try:
-            self._base.start(goal, state, cut or route)
+            self._base.start(trip.goal, state, route)
         except Refused as exc:
             self._verdict = Outcome(state="failed", cause=exc.cause, text=str(exc))
             return
@@ -204,9 +188,6 @@ class Navigator:
     def check(self, end: Outcome | None, t: float) -> Outcome | None:
         """Return how the goal ended at a time [s]; end: of the base's motion."""
         trip = self._trip
-        if trip is not None and trip.drives and trip.is_cut and end and end.state == "succeeded":
-            trip.drives, trip.asked_at, trip.route = False, None, None
-            return None
         if trip is None or trip.drives:
             return end
         if self._occupied:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from stepbus_store.motion.fitting import is_strong_enough, sampled
 from stepbus_store.motion.follow import JointPath
 from stepbus_store.motion.joint_clock import MotionClock
 from stepbus_store.motion.joint_motion import JointMotion, Motion, MotionLimits, stop_from
+from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.outcome import Refused
 from stepbus_store.motion.trajectory import Joined, Rest, Retimed, Timed, Trajectory
 
@@ -23,10 +23,8 @@ def planned(
     """Return the motion of a plan, cubic between its samples.
 
     start, goal: where it must start and end, shape (n,) [rad], within `tolerance` [rad].
-    Raises Refused with cause bad_plan for a plan that does not fit.
+    Raises Refused with cause bad_plan for a plan from or to elsewhere.
     """
-    if (problem := _shape_problem(plan, len(robot.joints))) is not None:
-        raise Refused(Cause.BAD_PLAN, f"plan {plan.id} {problem}")
     u, q, slope = (
         np.array(row, dtype=np.float64) for row in (plan.times, plan.position, plan.velocity)
     )
@@ -39,34 +37,10 @@ def planned(
                 f"plan {plan.id} has its {name} at {got[worst]:.4f} {unit} for {joint}, "
                 f"not at {wanted[worst]:.4f} {unit}",
             )
-    beyond = np.maximum(robot.lower - q, q - robot.upper).max(axis=0)
-    if beyond.max() > tolerance:
-        worst = int(np.argmax(beyond))
-        joint = robot.joints[worst]
-        text = f"{joint} {beyond[worst]:.4f} {robot.unit(joint)} beyond its limits"
-        raise Refused(Cause.BAD_PLAN, f"plan {plan.id} takes {text}")
     # From exactly where the arm is: the error of rounding fades on the path.
     share = (u / u[-1])[:, np.newaxis]
     q += (1.0 - share) * (start - q[0]) + share * (goal - q[-1])
     return Timed(JointPath(u=u, q=np.clip(q, robot.lower, robot.upper), slope=slope))
-
-
-def _shape_problem(plan: Plan, joints: int) -> str | None:
-    counts = {len(plan.times), len(plan.position), len(plan.velocity)}
-    if len(counts) != 1 or len(plan.times) < 2:
-        rows = f"{len(plan.times)} times, {len(plan.position)} positions"
-        return f"has {rows} and {len(plan.velocity)} velocities; it needs at least 2 of each"
-    if any(len(row) != joints for row in (*plan.position, *plan.velocity)):
-        return f"has a row that is not of {joints} joints"
-    numbers = [*plan.times, *(x for row in (*plan.position, *plan.velocity) for x in row)]
-    if not all(map(math.isfinite, numbers)):
-        return "has numbers that are not finite"
-    gaps = [b - a for a, b in zip(plan.times, plan.times[1:], strict=False)]
-    if plan.times[0] != 0 or min(gaps) <= 0:
-        return "has times that do not increase from 0"
-    if max(abs(x) for row in (plan.velocity[0], plan.velocity[-1]) for x in row) > 1e-3:
-        return "does not start and end at rest"
-    return None
 
 
 _SHARES = (1.0, 0.5, 0.25)
@@ -79,42 +53,17 @@ _ON_PATH = (1.0, 0.7, 0.5, 0.35, 0.25)
 """The same on a path, whose curves and own braking need a part of the limits."""
 
 
-@dataclass(frozen=True)
-class TipLimit:
-    """Largest acceleration of a frame of the robot [m/s²]."""
-
-    frame: str
-    acceleration: float
-
-    def is_kept(self, motion: Motion, robot: RobotModel) -> bool:
-        """Return whether a motion keeps it."""
-        count = max(math.ceil(motion.duration / _SAMPLE_S), 2)
-        times = (n * motion.duration / count for n in range(count + 1))
-        tips = [robot.frame_pose(motion.at(t).position, self.frame).translation for t in times]
-        pushes = np.diff(tips, n=2, axis=0) / (motion.duration / count) ** 2
-        return float(np.linalg.norm(pushes, axis=1).max()) <= self.acceleration
+_GRIP_ACCELERATION = 6.0
+"""Of the tip in a stop while the gripper holds something, unless the robot touches something:
+harder, it would swing out of the pads [m/s²]."""
 
 
-def hard_stop(
-    now: JointMotion,
-    robot: RobotModel,
-    limits: MotionLimits,
-    acceleration: float,
-    jerk: float,
-    *,
-    tip: TipLimit | None = None,
-) -> Motion:
-    """Return the shortest of some stops that the motors are strong enough for.
-
-    limits: braking is never softer. acceleration, jerk: of the hardest stop [rad/s², rad/s³]. tip:
-    kept by all but the softest one.
-    """
-    for share in _SHARES:
-        harder = limits.at_least(share * acceleration, share * jerk)
-        motion = stop_from(now, harder)
-        if is_strong_enough(motion, robot) and (tip is None or tip.is_kept(motion, robot)):
-            return motion
-    return stop_from(now, limits)
+def _keeps_grip(motion: Motion, robot: RobotModel, tip: str) -> bool:
+    count = max(math.ceil(motion.duration / _SAMPLE_S), 2)
+    times = (n * motion.duration / count for n in range(count + 1))
+    tips = [robot.frame_pose(motion.at(t).position, tip).translation for t in times]
+    pushes = np.diff(tips, n=2, axis=0) / (motion.duration / count) ** 2
+    return float(np.linalg.norm(pushes, axis=1).max()) <= _GRIP_ACCELERATION
 
 
 def stop_on_path(trajectory: Trajectory, s: float, rate: float, limits: MotionLimits) -> Trajectory:
@@ -137,30 +86,23 @@ def stop_on_path(trajectory: Trajectory, s: float, rate: float, limits: MotionLi
 class MotionPlayer:
     """The motion under way, and its clock.
 
-    limits: of the joints. period: between two commands [s]. brake_acceleration, brake_jerk: of the
-    hardest stop [rad/s², rad/s³]. tip: frame that what is held moves with; grip_acceleration: its
-    largest in a stop that keeps that [m/s²]. collisions: of the robot with itself when it stops;
-    None: not checked. ignores_scale: the motion runs at full rate whatever the scale.
+    limits: of the joints. collisions: of the robot with itself when it stops; None: not checked.
+    ignores_scale: the motion runs at full rate whatever the scale.
     """
 
     def __init__(
         self,
         robot: RobotModel,
         limits: MotionLimits,
-        *,
-        period: float,
-        brake_acceleration: float,
-        brake_jerk: float,
-        tip: str = "",
-        grip_acceleration: float = math.inf,
+        options: ManipulatorOptions,
         collisions: SelfCollisions | None = None,
     ) -> None:
         self._robot = robot
         self._collisions = collisions
         self._limits = limits
-        self._period = period
-        self._hardest = (brake_acceleration, brake_jerk)
-        self._tip, self._grip_acceleration = tip, grip_acceleration
+        self._period = options.period
+        self._hardest = (options.brake_acceleration, options.brake_jerk)
+        self._tip = options.tip
         self.clock = MotionClock(limits.acceleration, limits.jerk)
         self._trajectory: Trajectory | None = None
         self._known: tuple[Trajectory | None, dict[float, JointMotion]] = None, {}
@@ -253,15 +195,25 @@ class MotionPlayer:
 
         The path has been checked, the other stop leaves it.
         """
-        motion: Trajectory = stop_from(now, self._limits)
-        if hard:
-            tip = TipLimit(self._tip, self._grip_acceleration) if holds else None
-            motion = hard_stop(now, self._robot, self._limits, *self._hardest, tip=tip)
+        motion: Trajectory = self._hard_stop(now, holds) if hard else stop_from(now, self._limits)
         if self._collisions is None or not self._touches(self._collisions, motion):
             return motion
         limits = self._limits.at_least(*self._hardest)
         on_path = stop_on_path(self.trajectory, self.clock.s, self.clock.rate, limits)
         return on_path if is_strong_enough(on_path, self._robot) else motion
+
+    def _hard_stop(self, now: JointMotion, holds: bool) -> Motion:
+        """Return the shortest of some stops that the motors, and the grip, are strong enough for.
+
+        None is softer than the limits of the joints; the softest need not keep the grip.
+        """
+        for share in _SHARES:
+            harder = self._limits.at_least(*(share * limit for limit in self._hardest))
+            motion = stop_from(now, harder)
+            keeps = not holds or _keeps_grip(motion, self._robot, self._tip)
+            if keeps and is_strong_enough(motion, self._robot):
+                return motion
+        return stop_from(now, self._limits)
 
     def _touches(self, collisions: SelfCollisions, motion: Trajectory) -> bool:
         first, *states = sampled(motion, least=20)

@@ -59,27 +59,6 @@ def base_route(
     return _route_by(route, goal.base, state) if route else _route_to(goal.base, state, position)
 
 
-def first_part(start: Point, route: Sequence[Point], length: float) -> list[Point] | None:
-    """Return the first part of a route from a pose; None: it is no longer than that [m]."""
-    left, now, part = length, start, list[Point]()
-    for pose in route:
-        far = math.dist(now[:2], pose[:2])
-        if far > left + LEAST_ARC:
-            part.append(_between(now, pose, left / far))
-            return part
-        part.append(pose)
-        left, now = left - far, pose
-    return None
-
-
-def _between(a: Point, b: Point, share: float) -> Point:
-    """Return a pose between two others: on an arc, or on a straight line."""
-    x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
-    if arc_direction(a, b):
-        return (x, y, a[2] + share * wrapped(b[2] - a[2]))
-    return (x, y, math.atan2(b[1] - a[1], b[0] - a[0]))
-
-
 def _route_by(route: Sequence[Point], target: Point, state: BaseState) -> BaseRoute:
     """Return the segments along a planned route: arcs where they fit, else lines and turns."""
     segments: deque[PlannedSegment] = deque()
@@ -127,13 +106,10 @@ def _route_to(target: tuple[float, float, float], state: BaseState, position: fl
     x, y, yaw = target
     length = math.hypot(x - state.x, y - state.y)
     text = f"go {length:.3f} m to x {x:.3f} m, y {y:.3f} m, yaw {math.degrees(yaw):.1f}°"
-    last = turn_to(yaw)
-    if length <= 2 * position:
-        return BaseRoute(segments=deque([last]), text=text, target=target)
-    ahead = math.atan2(y - state.y, x - state.x)
-    back = _turning(state.yaw, yaw, ahead + math.pi) < _turning(state.yaw, yaw, ahead) - 1e-9
-    first = turn_to(ahead + math.pi if back else ahead)
-    segments = deque([first, straight_to(x, y, back=back), last])
+    segments: deque[PlannedSegment] = deque()
+    if length > 2 * position:
+        _line(segments, (state.x, state.y, state.yaw), target, None)
+    segments.append(turn_to(yaw))
     return BaseRoute(segments=segments, text=text, target=target)
 
 

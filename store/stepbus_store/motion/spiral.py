@@ -13,7 +13,6 @@ from stepbus_schemas import Goal
 from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.follow import EVERY_M, JointPath, Lost, TipPose, follow, line
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.outcome import FARTHEST, Refused
 
 
@@ -84,6 +83,9 @@ class SpiralCurve:
         return poses
 
 
+_RAISE_BY, _MOST_RAISED = 0.05, 0.5
+"""How far a point that is out of reach is raised at a time, and at most [m]."""
+
 _POINTS_PER_TURN = 24
 _MOST_TURNS = 100
 _MOST_STARTS = 16
@@ -103,14 +105,15 @@ class SpiralPath:
 
 
 class SpiralPlanner:
-    """Finds joints along spirals, for each solution at the first point."""
+    """Finds joints along spirals, for each solution at the first point.
 
-    def __init__(
-        self, robot: RobotModel, solver: BranchSolver, options: ManipulatorOptions
-    ) -> None:
+    turn_radius: length that a turn of 1 rad counts on the line to the end [m].
+    """
+
+    def __init__(self, robot: RobotModel, solver: BranchSolver, turn_radius: float) -> None:
         self._robot = robot
         self._solver = solver
-        self._options = options
+        self._turn_radius = turn_radius
 
     def solve(self, goal: Goal, frame: Any, target: Any, q: Vector) -> Iterator[SpiralPath]:
         """Return paths that the joints can follow, the one nearest to q, shape (n,) [rad], first.
@@ -169,15 +172,11 @@ class SpiralPlanner:
         for index in range(gaps + 1):
             pose, _ = spiral.at(index / gaps)
             while not self._solver.is_reachable(tip, pose, q):
-                if raised[index] >= self._most - 1e-9:
+                if raised[index] >= _MOST_RAISED - 1e-9:
                     self._explain(tip, spiral.at(index / gaps)[0], q, index)
-                raised[index] += self._options.raise_by
-                pose.translation = pose.translation + np.array([0, 0, self._options.raise_by])
+                raised[index] += _RAISE_BY
+                pose.translation = pose.translation + np.array([0, 0, _RAISE_BY])
         return replace(spiral, raised=raised)
-
-    @property
-    def _most(self) -> float:
-        return self._options.raise_by * self._options.most_raises
 
     def _explain(self, tip: str, pose: Any, q: Vector, index: int) -> None:
         try:
@@ -186,16 +185,15 @@ class SpiralPlanner:
             x, y, z = pose.translation
             text = f"point {index} of the spiral at ({x:.3f}, {y:.3f}, {z:.3f}) m is {exc}"
             raise Refused(
-                exc.cause, f"{text}; raising it by {self._most:g} m did not help"
+                exc.cause, f"{text}; raising it by {_MOST_RAISED:g} m did not help"
             ) from exc
 
     def _path(self, tip: str, spiral: SpiralCurve, start: Vector, target: Any) -> SpiralPath:
         spiral, around = self._around(tip, spiral, start)
         paths = [around]
-        rest = line(spiral.at(1.0)[0], target, self._options.turn_radius)
+        rest = line(spiral.at(1.0)[0], target, self._turn_radius)
         if rest:
-            least = self._options.singular_below
-            paths.append(follow(self._robot, tip, rest, around.q[-1], least))
+            paths.append(follow(self._robot, tip, rest, around.q[-1]))
         count = int(np.count_nonzero(spiral.raised))
         text = f"spiral of {spiral.turns:g} turns and {float(around.u[-1]):.2f} m"
         if count:
@@ -213,13 +211,12 @@ class SpiralPlanner:
         while True:
             poses = spiral.poses()
             try:
-                least = self._options.singular_below
-                return spiral, follow(self._robot, tip, poses, start, least)
+                return spiral, follow(self._robot, tip, poses, start)
             except Lost as exc:
                 index = min(exc.index * gaps // (len(poses) - 1), gaps - 1)
                 raised = spiral.raised.copy()
                 # The first point stays: this solution is for it.
-                raised[max(index, 1) : index + 2] += self._options.raise_by
-                if exc.cause == Cause.LIMITS or raised.max() > self._most + 1e-9:
+                raised[max(index, 1) : index + 2] += _RAISE_BY
+                if exc.cause == Cause.LIMITS or raised.max() > _MOST_RAISED + 1e-9:
                     raise
                 spiral = replace(spiral, raised=raised)

@@ -98,10 +98,6 @@ def _check(port: str, image: Image) -> None:
             f"input {port!r}: {image.width} x {image.height} pixels of {image.encoding} need "
             f"{size} bytes, received {len(image.data)}"
         )
-    if not all(0 < length < math.inf for length in image.focal):
-        raise RunError(f"input {port!r}: focal length {image.focal} is not positive")
-    if not all(map(math.isfinite, image.centre)):
-        raise RunError(f"input {port!r}: centre {image.centre} is not finite")
 
 
 def _pixels(image: Image) -> NDArray[Any]:

@@ -33,8 +33,6 @@ class Params(Settings):
     `source: camera`."""
     camera: Text = "camera"
     """Link that is the optical frame: z forward, x right, y down."""
-    timeout: Positive = 3.0
-    """Log a warning after this simulation time without images [s]."""
     min_confidence: Share = 0.2
     """Confidence below which detections are dropped."""
     depth_noise: NonNegative = 0.0

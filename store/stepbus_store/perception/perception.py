@@ -1,6 +1,5 @@
 """Perception: a participant that detects items and their poses."""
 
-import logging
 from collections import deque
 from collections.abc import Mapping
 
@@ -31,8 +30,6 @@ from stepbus_store.perception.images import View, make_view
 from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
 from stepbus_store.perception.params import Params
 from stepbus_store.perception.sources import CameraMount, Truth
-
-_log = logging.getLogger("stepbus_store.perception")
 
 
 class Perception(Participant):
@@ -67,9 +64,6 @@ class Perception(Participant):
             files = (params.model, params.joints or (), params.camera, params.frame)
             self._mount = problems.attempt(("model",), lambda: CameraMount(*files))
             problems.refuse()
-        self._last_image_t = 0.0
-        self._warned = False
-        self._is_periodic = True
         # Joints and requests from the time on when the camera took what it puts out now.
         self._since: deque[tuple[JointState | None, CameraTrigger | None]] = deque(maxlen=1)
 
@@ -97,7 +91,6 @@ class Perception(Participant):
         late = inputs[self._images[0]].details.get("latency")
         steps = parse_duration(late[0]) // self.config.step_ns if late else 0
         self._since = deque(maxlen=1 + steps // self.config.every)
-        self._is_periodic = any(inputs[name].details.get("period") for name in self._images)
         self._detector = Detector(catalog, params.min_confidence, params.depth_noise)
         joints = [params.prefix + joint for joint in mount.joints]
         self._order = JointOrder(self._state_port, inputs[self._state_port].names, joints)
@@ -117,9 +110,7 @@ class Perception(Participant):
         request = step.get(port, CameraTrigger) if port and step.is_new(port) else None
         self._since.append((step.get(self._state_port, JointState), request))
         if not all(map(step.is_new, self._images)):
-            self._warn_if_late(step)
             return None
-        self._last_image_t, self._warned = step.t, False
         view = make_view({name: step.read(name, Image) for name in self._images})
         state, request = self._since[0]
         if state is None:
@@ -149,14 +140,6 @@ class Perception(Participant):
             confidence=[item.confidence for item in items],
             hidden=hidden,
         )
-
-    def _warn_if_late(self, step: Step) -> None:
-        timeout = self._params.timeout
-        if not self._is_periodic or self._warned or step.t - self._last_image_t < timeout:
-            return
-        self._warned = True
-        text = "%s: step %d: no new images on %s for %g s; is the camera on?"
-        _log.warning(text, self.config.name, step.index, " and ".join(self._images), timeout)
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the result."""

@@ -8,7 +8,13 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Poses
-from stepbus_store.planner.planning import BESIDE_RESOLUTION, PathPlanner, fingers_at, on_floor
+from stepbus_store.planner.path_search import RESOLUTION
+from stepbus_store.planner.planning import (
+    BESIDE_RESOLUTION,
+    PathPlanner,
+    fingers_at,
+    on_floor,
+)
 from stepbus_store.planner.scene import Checker, Scene, Surroundings
 from stepbus_store.planner.timing import dense
 
@@ -120,7 +126,7 @@ class PathMonitor:
 
     def _blocked(self, moved: Mapping[str, Any], poses: Poses) -> str:
         share = BESIDE_RESOLUTION if self._bases else 1.0
-        ahead = dense(self._path[self._at :], self._settings.resolution * share)
+        ahead = dense(self._path[self._at :], RESOLUTION * share)
         first: tuple[Any, Vector] | None = None
         for base in self._ahead(poses):
             checker = self._checker(moved, poses, base)

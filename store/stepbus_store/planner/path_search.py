@@ -14,6 +14,12 @@ from stepbus_participant import need
 _ompl_random = threading.Lock()
 """OMPL seeds all its random generators from one global generator."""
 
+RESOLUTION = 0.02
+"""Distance between checked positions [rad]; at 1 m from a joint, half of it is the margin."""
+
+_LONGEST = 0.5
+"""Maximum length of an extension of the search [rad]."""
+
 _SHORTCUTS = 100
 """Attempts to remove vertices, and to take shortcuts, each."""
 
@@ -25,15 +31,12 @@ _CORNERS = (0.5, 0.25, 0.12, 0.06)
 class Search:
     """The settings of a search.
 
-    lower, upper: bounds of the search space, shape (n,) [rad]. resolution: distance between
-    checked positions [rad]. longest: maximum length of an extension [rad]. max_checks: limit on
-    collision checks. seed: of the random numbers, > 0.
+    lower, upper: bounds of the search space, shape (n,) [rad]. max_checks: limit on collision
+    checks. seed: of the random numbers, > 0.
     """
 
     lower: Vector
     upper: Vector
-    resolution: float
-    longest: float
     max_checks: int
     seed: int
 
@@ -85,7 +88,7 @@ class _Finder:
         is_free: Callable[[Vector], bool],
         is_cancelled: Callable[[], bool],
     ) -> None:
-        self._base, self._geometric, self._search = base, geometric, search
+        self._base, self._geometric = base, geometric
         self._is_free, self._is_cancelled = is_free, is_cancelled
         self._size = range(len(search.lower))
         self._checks = _Checks(search, is_free)
@@ -98,7 +101,7 @@ class _Finder:
         self._info = base.SpaceInformation(self._space)
         self._info.setStateValidityChecker(self._checks.is_valid)
         # OMPL expects the resolution as a fraction of the extent of the space.
-        share = search.resolution / self._space.getMaximumExtent()
+        share = RESOLUTION / self._space.getMaximumExtent()
         self._info.setStateValidityCheckingResolution(share)
         self._info.setup()
 
@@ -116,7 +119,7 @@ class _Finder:
         problem.setStartAndGoalStates(self._state(start), self._state(goal))
         planner = self._geometric.RRTConnect(self._info)
         planner.setProblemDefinition(problem)
-        planner.setRange(self._search.longest)
+        planner.setRange(_LONGEST)
         planner.setup()
         planner.solve(self._base.PlannerTerminationCondition(self._is_over))
         if not problem.hasExactSolution():
@@ -127,7 +130,7 @@ class _Finder:
         simplifier.reduceVertices(path, _SHORTCUTS, _SHORTCUTS)
         simplifier.partialShortcutPath(path, _SHORTCUTS, _SHORTCUTS)
         paths.append(self._points(path))
-        paths.append(rounded(paths[-1], self._search.resolution, self._is_free))
+        paths.append(rounded(paths[-1], self._is_free))
         return paths[::-1]
 
     def _points(self, path: Any) -> Vector:
@@ -135,23 +138,16 @@ class _Finder:
         return np.array([[state[k] for k in self._size] for state in states])
 
 
-def rounded(path: Vector, resolution: float, is_free: Callable[[Vector], bool]) -> Vector:
-    """Return a path with its corners rounded by collision-free parabolas.
-
-    path: shape (k, n) [rad]. resolution: maximum distance between new points [rad].
-    """
+def rounded(path: Vector, is_free: Callable[[Vector], bool]) -> Vector:
+    """Return a path, shape (k, n) [rad], with its corners rounded by collision-free parabolas."""
     points = [path[:1]]
     for before, corner, after in zip(path[:-2], path[1:-1], path[2:], strict=True):
-        points.append(_rounding(before, corner, after, resolution, is_free))
+        points.append(_rounding(before, corner, after, is_free))
     return np.concatenate([*points, path[-1:]])
 
 
 def _rounding(
-    before: Vector,
-    corner: Vector,
-    after: Vector,
-    resolution: float,
-    is_free: Callable[[Vector], bool],
+    before: Vector, corner: Vector, after: Vector, is_free: Callable[[Vector], bool]
 ) -> Vector:
     """Return the points around a corner, shape (k, n) [rad]."""
     back, ahead = before - corner, after - corner
@@ -161,7 +157,7 @@ def _rounding(
         size = min(distance, float(most))
         start = corner + size / np.linalg.norm(back) * back
         end = corner + size / np.linalg.norm(ahead) * ahead
-        t = np.linspace(0.0, 1.0, max(math.ceil(2 * size / resolution), 4) + 1)[:, None]
+        t = np.linspace(0.0, 1.0, max(math.ceil(2 * size / RESOLUTION), 4) + 1)[:, None]
         points: Vector = (1 - t) ** 2 * start + 2 * t * (1 - t) * corner + t**2 * end
         if all(map(is_free, points)):
             return points

@@ -5,7 +5,6 @@ import threading
 from collections.abc import Mapping, Set
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -58,15 +57,12 @@ def _read_planning(config: Config, params: Params, robot: PlannedRobot) -> Plann
 
 
 def _make_robot(params: Params, problems: Problems) -> PlannedRobot:
-    links = {"frame": params.frame, "tip": params.tip}
-    make = partial(PlannedRobot, params.model, params.joints, params.posture, params.srdf)
-    try:
-        return make(list(links.values()))
-    except WiringError as exc:
-        for problem in str(exc).splitlines():
-            named = (param for param, link in links.items() if f"link {link!r} " in problem)
-            problems.add((next(named, "model"),), problem)
-        raise problems.error() from exc
+    files = (params.model, params.joints, params.posture, params.srdf)
+    links = (params.frame, params.tip)
+    robot = problems.attempt(("model",), lambda: PlannedRobot(*files, links))
+    if robot is None:
+        raise problems.error()
+    return robot
 
 
 Level = Literal["info", "warning"]

@@ -13,7 +13,7 @@ from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Point, Poses
 from stepbus_store.cause import Cause
 from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
-from stepbus_store.planner.path_search import Search, find_paths
+from stepbus_store.planner.path_search import RESOLUTION, Search, find_paths
 from stepbus_store.planner.scene import Checker, Margins, Scene, Surroundings
 from stepbus_store.planner.timing import Limits, Trajectory, dense, parametrize
 
@@ -40,19 +40,15 @@ BESIDE_RESOLUTION = 3.0
 class PlanningSettings:
     """The settings for every request.
 
-    tip: frame that a held object moves with. resolution: distance between checked positions [rad];
-    at 1 m from a joint, half of it should be below the margin. longest: maximum length of an
-    extension of the search [rad]. max_checks: limit on collision checks. period: between two
-    samples of a plan [s].
+    tip: frame that a held object moves with. max_checks: limit on collision checks. period: between
+    two samples of a plan [s].
     """
 
     tip: str
     margins: Margins
     limits: Limits
-    resolution: float = 0.02
-    longest: float = 0.5
-    max_checks: int = 20_000
-    period: float = 0.02
+    max_checks: int
+    period: float
 
 
 def is_check(request: PlanRequest) -> bool:
@@ -201,11 +197,7 @@ class _Planning:
 
     def answer(self) -> Plan:
         """Return the plan; raises NoPlan if there is none."""
-        load = self._request.load
-        if not (math.isfinite(load) and load >= 0.0):
-            text = f"load is {load:g} kg; it must be finite and not negative"
-            raise NoPlan(Cause.BAD_REQUEST, text)
-        self._robot.carry(load, self._settings.tip)
+        self._robot.carry(self._request.load, self._settings.tip)
         checked = self._check_path() if self._path else ""
         if is_check(self._request):
             return self._standing(checked)
@@ -231,7 +223,7 @@ class _Planning:
     def _check_path(self) -> str:
         """Check the path that is given and return a sentence; raises NoPlan where it is blocked."""
         path = np.array([self._goal, *self._path])
-        fine = dense(path, self._settings.resolution * _LAST_RESOLUTION)
+        fine = dense(path, RESOLUTION * _LAST_RESOLUTION)
         checker = self._scene.path_checker(fine[0], fine[-1])
         tip = self._settings.tip
         for q in fine:
@@ -250,15 +242,13 @@ class _Planning:
     def _paths(self, checker: Checker) -> Iterator[tuple[Vector, str]]:
         """Yield paths that keep the margins, the best first, and their names."""
         straight = np.stack([self._start, self._goal])
-        if all(map(checker.is_free, dense(straight, self._settings.resolution))):
+        if all(map(checker.is_free, dense(straight, RESOLUTION))):
             yield straight, "straight path"
         lower, upper = np.minimum(*straight) - _AROUND, np.maximum(*straight) + _AROUND
         seed = np.random.SeedSequence([self._seed, self._request.id]).generate_state(1)[0]
         search = Search(
             lower=np.maximum(lower, self._robot.lower),
             upper=np.minimum(upper, self._robot.upper),
-            resolution=self._settings.resolution,
-            longest=self._settings.longest,
             max_checks=self._settings.max_checks,
             seed=int(seed) + 1,
         )
@@ -275,7 +265,7 @@ class _Planning:
     def _overload(self, path: Vector) -> str:
         """Return which motor is too weak for a path without a trajectory."""
         limits, rest = self._settings.limits, np.zeros(len(self._start))
-        points = dense(path, self._settings.resolution)
+        points = dense(path, RESOLUTION)
         torque = np.abs([self._robot.inverse_dynamics(q, rest, rest) for q in points]).max(axis=0)
         worst = int(np.argmax(torque / limits.effort))
         joint = self._robot.joints[worst]
@@ -288,8 +278,8 @@ class _Planning:
     def _stays_free(self, motion: Trajectory, checker: Checker) -> bool:
         if self._cancelled():
             raise Cancelled
-        fine = dense(motion.position, self._settings.resolution * _LAST_RESOLUTION)
-        coarse = dense(motion.position, self._settings.resolution * BESIDE_RESOLUTION)
+        fine = dense(motion.position, RESOLUTION * _LAST_RESOLUTION)
+        coarse = dense(motion.position, RESOLUTION * BESIDE_RESOLUTION)
         return all(map(checker.is_free, fine)) and all(
             all(map(other.is_free, coarse)) for other in self._beside
         )

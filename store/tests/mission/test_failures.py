@@ -1,10 +1,8 @@
 """Failed sales: an emergency stop, one sentence with its cause, and a run that has failed."""
 
 import itertools
-import math
 import re
 
-import msgspec
 import pytest
 from support.services.mission_sale import sell
 from support.services.mission_store import FakeStore, shelf_a
@@ -147,27 +145,6 @@ def test_a_short_loss_of_the_grip_is_no_failure():
 def test_detections_in_an_unknown_frame_are_refused():
     result = sell(FakeStore(shelf_a(*GOODS), frame="chasis"))
     assert "'chasis'; did you mean 'chassis'?" in result.error
-
-
-@pytest.mark.parametrize(
-    ("changes", "sentence"),
-    [
-        (
-            {"orientation": []},
-            "3 types, 3 positions and 0 orientations",
-        ),
-        (
-            {"position": [(0.5, 0.0, math.nan)] * 3},
-            "position (0.5, 0.0, nan)",
-        ),
-    ],
-)
-def test_detections_that_are_none_end_the_mission_with_one_sentence(changes, sentence):
-    store = FakeStore(shelf_a(*GOODS))
-    honest = store.detections
-    store.detections = lambda: msgspec.structs.replace(honest(), **changes)
-    result = sell(store)
-    assert sentence in result.error
 
 
 def test_with_an_item_the_arm_goes_back_to_where_it_carries_it():

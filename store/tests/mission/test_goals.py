@@ -4,7 +4,7 @@ import pytest
 
 from stepbus.testing import Bench
 from stepbus_participant import Config
-from stepbus_schemas import GoalStatus, InputConfig, OutputConfig, RunError, WiringError
+from stepbus_schemas import GoalStatus, InputConfig, OutputConfig, RunError
 from stepbus_store.goals import GoalSequence
 
 TUCK = {"type": "move_joints", "joints": {"pan": 0.5}}
@@ -58,19 +58,3 @@ def test_a_goal_that_fails_ends_the_run_with_its_reason(tmp_path):
     bench.step(0)
     with pytest.raises(RunError, match=r"goal 1 of 1 \(move_joints\) failed: pan is stuck"):
         bench.step(1, status=status(0, "failed", "pan is stuck"))
-
-
-@pytest.mark.parametrize(
-    ("goal", "text"),
-    [
-        ({**SPIRAL, "spiral": None}, "spiral: is missing; a goal of type spiral needs it"),
-        ({"type": "move_joints"}, "joints: is missing"),
-        ({"type": "back_to_rest"}, "joints: is missing"),
-        ({"type": "go_to"}, "base: is missing"),
-        ({"type": "go_together", "base": [1, 0, 0]}, "use go_to"),
-        ({"type": "flies"}, "flies"),
-    ],
-)
-def test_a_goal_that_lacks_something_is_refused_before_the_start(tmp_path, goal, text):
-    with pytest.raises(WiringError, match=text):
-        mission(tmp_path, goal)

@@ -7,7 +7,7 @@ from support.store_paths import STORE_DOCS
 
 from stepbus_store.mission.checks import CHECKS
 from stepbus_store.mission.goals import GOALS
-from stepbus_store.mission.state_table import LAST, STATES, diagram
+from stepbus_store.mission.state_table import LAST, STATES
 
 GOODS = (("cola", 2), ("cola", 3))
 PASSAGES = {(state, word, to) for state, row in STATES.items() for word, to in row.then.items()}
@@ -88,6 +88,19 @@ def test_every_passage_of_the_table_is_walked():
         found |= walked(together, silent=((state, 1),))
     assert PASSAGES - found == set()
     assert found - PASSAGES == set()
+
+
+def diagram():
+    """Return the table as text, one line per state; ↓ leads to the state in the next line."""
+    names = list(STATES)
+    below = dict(zip(names, [*names[1:], ""], strict=True))
+    return "\n".join(_line(name, STATES[name], below[name]) for name in names)
+
+
+def _line(name, state, below):
+    arrows = [f"{end} {'↓' if to == below else f'→ {to}'}" for end, to in state.then.items()]
+    first, others = (arrows or ["■"])[0], arrows[1:]
+    return f"{name:<13} {first:<20} {'   '.join(others)}".rstrip()
 
 
 def test_the_documentation_shows_the_table():

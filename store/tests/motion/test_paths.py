@@ -35,15 +35,15 @@ def one(velocity=1.0, acceleration=2.0, jerk=20.0):
     return MotionLimits(**dict(zip(("velocity", "acceleration", "jerk"), rows, strict=True)))
 
 
-def make_plan(motion, count=20, **changes):
+def make_plan(motion, count=20):
     times = np.linspace(0.0, motion.duration, count)
     states = [motion.at(t) for t in times]
-    fields = {
-        "times": times.tolist(),
-        "position": [s.position.tolist() for s in states],
-        "velocity": [s.velocity.tolist() for s in states],
-    }
-    return Plan(id=3, **{**fields, **changes})
+    return Plan(
+        id=3,
+        times=times.tolist(),
+        position=[s.position.tolist() for s in states],
+        velocity=[s.velocity.tolist() for s in states],
+    )
 
 
 def moving(robot, goal=None):
@@ -78,34 +78,12 @@ def test_a_plan_begins_exactly_where_the_arm_is(robot):
     assert np.array_equal(timed.at(timed.duration).position, goal)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"times": [0.0]}, "1 times, 20 positions"),
-        ({"times": [0.0, 1.0] * 10}, "do not increase from 0"),
-        ({"position": [[0.0] * 5] * 20}, "not of 6 joints"),
-        ({"velocity": [[float("nan")] * 6] * 20}, "not finite"),
-        ({"velocity": [[0.5] * 6] * 20}, "does not start and end at rest"),
-    ],
-)
-def test_a_plan_that_is_none_is_refused_by_name(robot, changes, message):
-    motion, goal = moving(robot)
-    with pytest.raises(Refused, match=message) as refused:
-        planned(make_plan(motion, **changes), HOME, goal, robot)
-    assert refused.value.cause == "bad_plan"
-
-
-def test_a_plan_from_or_to_elsewhere_or_beyond_a_limit_is_refused(robot):
+def test_a_plan_from_or_to_elsewhere_is_refused(robot):
     motion, goal = moving(robot)
     with pytest.raises(Refused, match=r"-1\.2000 rad for shoulder_lift"):
         planned(make_plan(motion), HOME + np.array([0, 0.1, 0, 0, 0, 0]), goal, robot)
     with pytest.raises(Refused, match="has its end at"):
         planned(make_plan(motion), HOME, goal + 0.1, robot)
-    beyond = [*HOME[:2], 3.5, *HOME[3:]]
-    rows = [HOME.tolist(), beyond, goal.tolist()]
-    still = [[0.0] * 6] * 3
-    with pytest.raises(Refused, match=r"elbow_joint 0\.3584 rad beyond"):
-        planned(Plan(id=0, times=[0, 1, 2], position=rows, velocity=still), HOME, goal, robot)
 
 
 def test_the_tip_stays_on_a_straight_line_and_turns_evenly(robot):
@@ -115,7 +93,7 @@ def test_the_tip_stays_on_a_straight_line_and_turns_evenly(robot):
         start.translation + np.array([-0.1, 0.3, 0.1]),
     )
     way = line(start, end, 0.25)
-    path = follow(robot, TIP, way, HOME, 0.01)
+    path = follow(robot, TIP, way, HOME)
     whole = pin.log3(start.rotation.T @ end.rotation)
     for share in np.linspace(0, 1, 101):
         pose = robot.frame_pose(path.at(share * way[-1].u)[0], TIP)
@@ -136,7 +114,7 @@ def test_a_line_that_winds_a_joint_up_to_its_limit_is_lost_there(robot):
     start = robot.frame_pose(HOME, TIP)
     way = line(start, pin.SE3(start.rotation, start.translation + np.array([0, 0.4, 0])), 0.25)
     with pytest.raises(Lost, match=r"would have to go to 0\.4") as lost:
-        follow(narrow, TIP, way, HOME, 0.01)
+        follow(narrow, TIP, way, HOME)
     assert lost.value.cause == "limits"
 
 

@@ -200,7 +200,7 @@ def test_all_that_the_model_lacks_is_listed_at_once(tmp_path):
         Planner(config(tmp_path, joints=["one", "wheel_joint", "tow"], tip="hnad"))
     text = str(caught.value)
     for part in (
-        "joint 'tow' is not in", "did you mean 'two'?", "tip: link 'hnad' is not",
+        "joint 'tow' is not in", "did you mean 'two'?", "link 'hnad' is not",
         "wheel_joint' of", "has no position limits",
     ):  # fmt: skip
         assert part in text
@@ -209,7 +209,7 @@ def test_all_that_the_model_lacks_is_listed_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("params", "text"),
     [
-        ({"tip": "hnad"}, "tip: link 'hnad' is not in arm.urdf"),
+        ({"tip": "hnad"}, "link 'hnad' is not in arm.urdf"),
         ({"posture": {"wheel_joint": 0.1}}, "has no position limits"),
         ({"posture": {"one": 0.1}}, "joint 'one' is also in 'joints'"),
         ({"posture": [1]}, "posture: must be a map, not a list"),

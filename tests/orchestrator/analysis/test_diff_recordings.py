@@ -27,7 +27,7 @@ def reference(value):
 def write(path, texts, values, attachment=b"a"):
     """Write a recording with `log/event` and `mission/reference`; None for no message at a step."""
     file = McapFile(path)
-    file.attach("scenario.yaml", "application/yaml", attachment)
+    file.attach("scenario.yaml", attachment)
     event_channel = file.add_channel("log/event", "Event/1", {})
     reference_channel = file.add_channel("mission/reference", "JointReference/1", {})
     for step, (text, value) in enumerate(zip(texts, values, strict=True)):

@@ -9,7 +9,7 @@ import pytest
 from cyclopts import Parameter
 
 from stepbus_orchestrator.cli import app
-from stepbus_orchestrator.cli.options import EITHER, FLAT, Command, Count, FoxglovePort, Settings
+from stepbus_orchestrator.cli.options import EITHER, FLAT, Command, Count, Port, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class Paint(Command, work="nowhere", group="look"):
     """each takes a day"""
     dry: Annotated[bool, EITHER] = False
     wet: Annotated[bool, EITHER] = False
-    show: FoxglovePort = None
+    show: Annotated[tuple[Port, ...] | None, Parameter(consume_multiple=(0, 1))] = None
     program: Annotated[
         tuple[str, ...], Parameter(name="--exec", consume_multiple=True, allow_leading_hyphen=True)
     ] = ()

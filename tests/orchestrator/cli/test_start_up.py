@@ -45,7 +45,7 @@ def test_the_orchestrator_of_a_run_loads_no_library_of_its_participants(tmp_path
     words += ["--out", str(tmp_path / "run")]
     done, modules = loaded_by(f"from {CLI} import main; sys.exit(main({words}))")
     assert (done.returncode, json.loads(done.stdout)["steps"]) == (ExitCode.FINISHED, 2)
-    assert "stepbus_orchestrator.run.phases" in modules
+    assert "stepbus_orchestrator.run.run" in modules
     assert not modules & LIBRARIES
 
 

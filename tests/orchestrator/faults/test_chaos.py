@@ -10,6 +10,7 @@ import time
 import pytest
 from support.messages.recordings import messages
 from support.runs.joints import leftovers
+from support.surroundings import comes_true
 
 from stepbus_orchestrator.recording import Recording, recover
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -48,11 +49,8 @@ def draw(fault_type):
         lasting = fault_type in {"delay", "slow"} or (
             fault_type == "freeze" and generator.random() < 0.5
         )
-        yield (
-            f"{fault_type} {name} at {step}" + (f" for {lasts_ms}ms" if lasting else ""),
-            name,
-            step,
-        )
+        lasts = f" for {lasts_ms}ms" if lasting else ""
+        yield f"{fault_type} {name} at {step}{lasts}", name, step
 
 
 def costs_time(fault_type, text):
@@ -94,29 +92,19 @@ def test_a_killed_orchestrator_leaves_a_prefix_of_the_recording(tmp_path, own_te
     ends = []
     for number in range(10):
         out = tmp_path / str(number)
-        command = [
-            sys.executable,
-            "-m",
-            "stepbus_orchestrator.cli",
-            "run",
-            "two_link",
-            "--no-report",
-        ]
+        command = [sys.executable, "-m", "stepbus_orchestrator.cli", "run", "two_link"]
         sets = [word for override in OVERRIDES for word in ("--set", override)]
         process = subprocess.Popen(
-            [*command, *sets, "--set", "duration=1000s", "--out", out],
+            [*command, "--no-report", *sets, "--set", "duration=1000s", "--out", out],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
-        wait_for(
-            lambda out=out: (
-                (out / "run.mcap").exists() and (out / "run.mcap").stat().st_size > 50_000
-            )
-        )
+        recording = out / "run.mcap"
+        assert comes_true(lambda at=recording: at.exists() and at.stat().st_size > 50_000)
         time.sleep(generator.uniform(0, 0.3))
         process.send_signal(signal.SIGKILL)
         process.wait()
-        wait_for(lambda: leftovers(own_temp) == [] and list(own_temp.iterdir()) == [])
-        recovery = recover(out / "run.mcap", out / "whole.mcap")
+        assert comes_true(lambda: leftovers(own_temp) == [] and list(own_temp.iterdir()) == [])
+        recovery = recover(recording, out / "whole.mcap")
         saved = [row for row in messages(out / "whole.mcap") if row[0] != "stepbus/chain"]
         expected = [row for row in reference if row[0] != "stepbus/chain"]
         common = min(len(saved), len(expected) - 4)
@@ -124,10 +112,3 @@ def test_a_killed_orchestrator_leaves_a_prefix_of_the_recording(tmp_path, own_te
         assert recovery.lost_bytes < 64 * 1024 + 1000
         ends.append(recovery.last_step)
     assert min(ends) > 0
-
-
-def wait_for(condition, seconds=60.0):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)

@@ -99,11 +99,8 @@ def test_other_faults_end_the_run_and_name_whom_they_hit_and_when(tmp_path, faul
 def test_a_held_participant_is_replaced_by_its_last_and_then_a_safe_command(tmp_path):
     hold = "controller.on_fault={keep: 20ms, hold: 100ms}"
     result = run_with(tmp_path, "kill controller at 40", overrides=[*PATIENT, hold])
-    assert (result.exit_code, result.participant, result.at_step) == (
-        ExitCode.DIED,
-        "controller",
-        40,
-    )
+    died = (result.exit_code, result.participant, result.at_step)
+    assert died == (ExitCode.DIED, "controller", 40)
     assert "held from step 40 to 64" in result.reason
     commands = [
         data for topic, _, _, data in messages(result.recording) if topic == "controller/command"
@@ -155,8 +152,5 @@ def test_large_messages_to_a_frozen_participant_hang_nobody_and_it_is_blamed(tmp
     overrides = ["mission.step_timeout=500ms", "reader.step_timeout=1s"]
     scenario = load(write_large(tmp_path), overrides, [f"freeze reader at {step}"])
     result = run(scenario, Options(out=tmp_path / "out"))
-    assert (result.exit_code, result.participant, result.at_step) == (
-        ExitCode.STEP_TIMEOUT,
-        "reader",
-        step,
-    )
+    late = (result.exit_code, result.participant, result.at_step)
+    assert late == (ExitCode.STEP_TIMEOUT, "reader", step)

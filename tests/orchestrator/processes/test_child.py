@@ -3,7 +3,6 @@
 import os
 import signal
 import sys
-import time
 from pathlib import Path
 
 import psutil
@@ -56,12 +55,6 @@ def test_what_a_process_has_started_ends_with_it(start, tmp_path):
     assert child.exit_code() == 0
 
 
-def wait_for(log, text):
-    give_up = time.monotonic() + 20.0
-    while log.read_text() != text and time.monotonic() < give_up:
-        time.sleep(0.01)
-
-
 def test_a_process_that_is_asked_to_end_is_asked_once(start, tmp_path):
     child = start(
         "import signal\n"
@@ -70,9 +63,9 @@ def test_a_process_that_is_asked_to_end_is_asked_once(start, tmp_path):
         "while True: signal.pause()"
     )
     log = tmp_path / "log"
-    wait_for(log, "ready\n")
+    assert comes_true(lambda: log.read_text() == "ready\n")
     child.terminate()
-    wait_for(log, "ready\nasked\n")
+    assert comes_true(lambda: log.read_text() == "ready\nasked\n")
     child.end(0.3)
     assert log.read_text() == "ready\nasked\n"
     assert child.exit_code() == -signal.SIGKILL
@@ -111,11 +104,7 @@ def test_a_log_without_end_keeps_its_head_and_its_tail(start, tmp_path):
 @pytest.mark.parametrize(
     ("activity", "sentence"),
     [
-        (
-            Activity(is_stopped=True, cpu_s=9),
-            "`kill -CONT -7`",
-        ),
-        (Activity(waits_for_disk=True), "is in uninterruptible I/O"),
+        (Activity(is_stopped=True, cpu_s=9), "`kill -CONT -7`"),
         (Activity(cpu_s=4.0), "it has computed for 4.0 s"),
         (Activity(cpu_s=0.2), ""),
     ],

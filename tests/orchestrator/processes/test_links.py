@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -76,9 +77,7 @@ def test_a_put_to_a_frozen_process_returns_when_its_link_is_cut(
         is_stopped.set()
         flooding.join()
         bus.close()
-        for path in folder.iterdir():
-            path.unlink()
-        folder.rmdir()
+        shutil.rmtree(folder)
 
 
 def test_links_of_children_are_left(own_temp, held):
@@ -102,6 +101,4 @@ def test_links_of_children_are_left(own_temp, held):
     finally:
         other.close()
         bus.close()
-        for path in folder.iterdir():
-            path.unlink()
-        folder.rmdir()
+        shutil.rmtree(folder)

@@ -29,7 +29,7 @@ def with_participant(path, name, scenario_name="s"):
     file = McapFile(path)
     row = {"participant": "stepbus_plant:Plant"}
     scenario = {"name": scenario_name, "participants": {name: row}}
-    file.attach("scenario.yaml", "application/yaml", json.dumps(scenario).encode())
+    file.attach("scenario.yaml", json.dumps(scenario).encode())
     file.close()
     return path
 

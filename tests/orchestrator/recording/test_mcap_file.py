@@ -19,7 +19,7 @@ def by_the_package(given, chunk_size=2000):
     writer.start(profile="", library="stepbus")
     schema = writer.register_schema("s", "jsonschema", b"{}")
     channels = [writer.register_channel(f"topic{n}", "msgpack", schema, {}) for n in range(3)]
-    writer.add_attachment(0, 0, "a", "text/plain", b"x")
+    writer.add_attachment(0, 0, "a", "application/octet-stream", b"x")
     writer.add_metadata("m", {"key": "value"})
     for number, log_time, data in given:
         writer.add_message(channels[number], log_time, data, log_time, sequence=log_time % 7)
@@ -36,7 +36,7 @@ def by_us(tmp_path, monkeypatch):
         file = McapFile(tmp_path / "run.mcap", library="stepbus")
         schema = file.register(Schema(id=0, data=b"{}", encoding="jsonschema", name="s"))
         channels = [file.register(channel(f"topic{n}", schema)) for n in range(3)]
-        file.attach("a", "text/plain", b"x")
+        file.attach("a", b"x")
         file.add_metadata("m", {"key": "value"})
         for number, log_time, data in given:
             file.add(channels[number], log_time, data, log_time % 7)

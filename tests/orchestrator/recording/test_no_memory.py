@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from types import SimpleNamespace
 
 import pytest
 import zstandard
@@ -35,7 +36,7 @@ def test_a_chunk_without_memory_to_compress_it_ends_the_recording(
     tmp_path, monkeypatch, size, refuses
 ):
     made = Compressor(refuses)
-    monkeypatch.setattr(chunk, "_compressor", lambda *, is_big: made)
+    monkeypatch.setattr(chunk, "_own", SimpleNamespace(fast=made, usual=made))
     file = McapFile(tmp_path / "run.mcap")
     channel = file.add_channel("plant/a", "Event/1", {})
     with pytest.raises(RecordingFailed, match="no memory left"):
@@ -51,7 +52,7 @@ def test_a_chunk_without_memory_to_compress_it_ends_the_recording(
 
 def test_a_run_without_memory_has_a_result(tmp_path, monkeypatch):
     made = Compressor(refuses=2)
-    monkeypatch.setattr(chunk, "_compressor", lambda *, is_big: made)
+    monkeypatch.setattr(chunk, "_own", SimpleNamespace(fast=made, usual=made))
     result = stepbus.run("two_link", set={"duration": "3s"}, in_process=True, out=tmp_path / "out")
     assert (result.exit_code, "no memory left" in result.reason) == (8, True)
     assert json.loads((tmp_path / "out" / "result.json").read_text())["exit_code"] == 8

@@ -9,7 +9,7 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Recording
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Description, Outputs, Types, WiringError, encode
-from stepbus_tools.report import write_report
+from stepbus_tools.run_lines import after_run
 from stepbus_tools.viewing.page import write_page
 
 STEP_NS = 1_000_000
@@ -73,7 +73,7 @@ def test_types_that_differ_are_named_and_compared_as_they_are(path, tmp_path):
 
 
 def test_a_run_without_joints_is_plotted_by_its_own_types(path):
-    assert write_report(path) == [f"plots     {path.with_name('report.png')}"]
+    assert after_run(path, has_plots=True)[0] == f"plots     {path.with_name('report.png')}"
 
 
 def test_the_page_of_a_run_shows_its_own_types_with_their_units(path):

@@ -100,7 +100,7 @@ def test_an_aborted_run_has_every_chain_that_is_due(path):
         name="mission", exec=("x",), every=4, outputs={"events": OutputSpec(type="Event/1")}
     )
     file = McapFile(path)
-    file.attach("scenario.yaml", "text/yaml", b"participants: {mission: {every: 4}}")
+    file.attach("scenario.yaml", b"participants: {mission: {every: 4}}")
     recorder = Recorder(file, [spec], STEP_NS, None)
     recorder.open_channels({}, {})
     # It is ahead of one that has failed: no step is complete.
@@ -131,7 +131,7 @@ def test_bulk_content_of_another_length_leaves_no_hole(path):
     }  # fmt: skip
     spec = ParticipantSpec(name="plant", exec=("x",), outputs=ports)
     file = McapFile(path)
-    file.attach("scenario.yaml", "text/yaml", b"participants: {plant: {}}")
+    file.attach("scenario.yaml", b"participants: {plant: {}}")
     recorder = Recorder(file, [spec], STEP_NS, None)
     recorder.open_channels({}, {})
     for step in range(30):

@@ -22,9 +22,9 @@ def write_log(path, scenario="name: x", files=None, versions=None):
     """Write a recording without messages."""
     file = McapFile(path)
     if scenario is not None:
-        file.attach("scenario.yaml", "application/yaml", scenario.encode())
+        file.attach("scenario.yaml", scenario.encode())
     for name, content in (files or {}).items():
-        file.attach(f"files/{name}", "application/octet-stream", content)
+        file.attach(f"files/{name}", content)
     for name, content in (versions or {}).items():
         file.add_metadata(f"versions/{name}", content)
     file.close()

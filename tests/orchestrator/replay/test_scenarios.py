@@ -5,11 +5,11 @@ import shutil
 
 import pytest
 from mcap.reader import make_reader
-from support.messages.recordings import rewrite
 from support.runs.joints import PROGRAM, SCENARIO, fault, run_joints, write_scenario
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ScenarioError
+from stepbus_orchestrator.recording import McapFile, recover
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.hosts import InProcess
@@ -128,8 +128,9 @@ def test_a_failed_run_is_replayed_up_to_its_failure(tmp_path):
 
 
 @pytest.mark.parametrize("participant", ["plant", "controller", "mission"])
-def test_a_recording_cut_off_is_replayed_up_to_its_end(joints, tmp_path, participant):
-    fine = rewrite(joints, tmp_path / "fine.mcap", 512).read_bytes()
+def test_a_recording_cut_off_is_replayed_up_to_its_end(joints, tmp_path, monkeypatch, participant):
+    monkeypatch.setattr(McapFile, "chunk_bytes", 512)
+    fine = recover(joints, tmp_path / "fine.mcap").target.read_bytes()
     cut = tmp_path / "cut.mcap"
     chunks = make_reader(io.BytesIO(fine)).get_summary().chunk_indexes
     cut.write_bytes(fine[: chunks[len(chunks) // 2].chunk_start_offset + 20])

@@ -185,9 +185,9 @@ def made_elsewhere(path, participants, files=None, **keys):
     """Write a recording without messages; files: name → text."""
     file = McapFile(path)
     row = {"name": "s", "step": "5ms", "duration": "50ms", "participants": participants, **keys}
-    file.attach("scenario.yaml", "application/yaml", json.dumps(row).encode())
+    file.attach("scenario.yaml", json.dumps(row).encode())
     for name, text in (files or {}).items():
-        file.attach(f"files/{name}", "text/plain", text.encode())
+        file.attach(f"files/{name}", text.encode())
     file.close()
     return path
 

@@ -111,14 +111,11 @@ def check(seed, folder, *, in_process):
     assert recorded(result, rows) == expected(rows), seed
 
 
-@pytest.mark.parametrize("seed", range(8))
+SEEDS = [pytest.param(n, marks=[pytest.mark.slow] if n >= 8 else []) for n in range(COUNT)]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_random_scenario_agrees_with_the_page(tmp_path, seed):
-    check(seed, tmp_path, in_process=True)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(8, COUNT))
-def test_so_do_many(tmp_path, seed):
     check(seed, tmp_path, in_process=True)
 
 

@@ -2,7 +2,6 @@
 
 import csv
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from stepbus_orchestrator.run.run_scenario import Options
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
 from stepbus_orchestrator.scenario.load import load
 from stepbus_participant.session import profile
-from stepbus_tools.report import write_report
+from stepbus_tools.run_lines import after_run
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 STEPS = 40
@@ -46,16 +45,12 @@ def test_each_step_of_each_participant_has_a_row(runs, name):
     rows = rows_of(runs[1], name)
     assert [row["step"] for row in rows] == list(range(STEPS))
     assert all(row["compute_ns"] > 0 and row["transport_ns"] > 0 for row in rows)
-    assert all(row["wait_ns"] >= 0 and row["record_ns"] >= 0 for row in rows)
-
-
-def test_batches_are_the_share_of_the_recording(runs):
-    rows = rows_of(runs[1], "controller")
+    assert all(row["wait_ns"] >= 0 for row in rows)
     assert sum(row["record_ns"] for row in rows) > 0
 
 
 def test_the_summary_has_each_participant_and_who_limits_the_run(runs):
-    lines = write_report(runs[1].recording, has_plots=False)
+    lines = after_run(runs[1].recording, has_plots=False)
     profiles = [line for line in lines if line.startswith("profile ")]
     assert sorted(line.split()[1].rstrip(":") for line in profiles) == list(PARTICIPANTS)
     assert any(line.startswith("limit ") for line in lines)
@@ -78,16 +73,9 @@ def test_a_run_does_not_fail_from_a_profile_without_room(tmp_path, monkeypatch):
     assert log.count("plant.csv is incomplete: No space left") == 1
 
 
-def test_a_profiled_run_on_a_full_disk_ends_with_the_code_of_its_recording(small_disk):
-    command = [STEPBUS, "run", "two_link", "--in-process", "--profile", "--no-report"]
-    command += ["--set", "duration=1000s", "--out", small_disk("1800k") / "run"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert (done.returncode, "Traceback" in done.stderr) == (8, False), done.stderr
-
-
 def test_the_summary_leaves_out_a_row_that_was_cut_off(runs):
     path = runs[1].recording.parent / "profile" / "plant.csv"
-    whole, before = path.read_text(), write_report(runs[1].recording, has_plots=False)
+    whole, before = path.read_text(), after_run(runs[1].recording, has_plots=False)
     path.write_text(f"{whole}40,12")
-    assert write_report(runs[1].recording, has_plots=False) == before
+    assert after_run(runs[1].recording, has_plots=False) == before
     path.write_text(whole)

@@ -224,12 +224,6 @@ def test_a_source_that_waits_for_its_reader_has_one_slot(tmp_path):
     assert "cannot reserve a slot of 0.0044 MB in " in result.reason
 
 
-def test_what_a_participant_keeps_stays_as_it_was(tmp_path, in_messages):
-    result, used = record(tmp_path, "window=1", viewer="keeps", slow="keeps")
-    assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason
-    assert used
-
-
 def test_where_there_is_no_room_for_slots_the_run_says_so_at_the_first(tmp_path):
     result, _ = record(tmp_path, camera="full")
     assert (result.exit_code, result.participant) == (7, "camera"), result.reason

@@ -3,13 +3,15 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import stepbus_scenarios
 from stepbus.testing import Bench, scenario_config
+from stepbus_kinematics import RobotModel
 from stepbus_scenarios.pick.mission import Pick
-from stepbus_scenarios.pick.picking import Spot, distance, motion, plan, spot_of, turn
-from stepbus_scenarios.pick.scara import Scara
+from stepbus_scenarios.pick.picking import distance, motion, plan, spot_of, turn
+from stepbus_scenarios.pick.scara import Scara, Spot
 from stepbus_schemas import (
     Description,
     GripperState,
@@ -51,10 +53,11 @@ def test_each_waypoint_has_the_tip_above_cube_or_goal_turned_as_it_is():
     heights = {"above_cube": 0.12, "at_cube": 0.02, "above_goal": 0.12, "at_goal": 0.02}
     assert list(waypoints) == list(heights)
     for name, q in waypoints.items():
-        tool, place = ARM.forward(q), cube if name.endswith("cube") else goal
-        assert (tool.x, tool.y) == pytest.approx((place.x, place.y))
-        assert tool.z == pytest.approx(heights[name])
-        assert turn(spot(0, 0, tool.yaw), place) < 1e-9
+        place = cube if name.endswith("cube") else goal
+        pose = RobotModel(MODEL, JOINTS).frame_pose(np.array(q), "grasp")
+        assert pose.translation == pytest.approx([place.x, place.y, heights[name]])
+        yaw = math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
+        assert turn(spot(0, 0, yaw), place) < 1e-9
 
 
 def test_a_cube_out_of_reach_is_named_with_the_reach_of_the_arm():

@@ -7,7 +7,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario.load import load
-from stepbus_tools.report import write_report
+from stepbus_tools.run_lines import after_run
 
 JOINTS = ["left/joint1", "left/joint2", "right/joint1", "right/joint2"]
 
@@ -25,7 +25,7 @@ def test_both_arms_follow_their_own_references(result):
 
 
 def test_the_summary_and_the_plots_have_both(result):
-    lines = write_report(result.recording)
+    lines = after_run(result.recording, has_plots=True)
     assert all(name in lines[0] for name in JOINTS)
     assert lines[1].startswith("plots")
 

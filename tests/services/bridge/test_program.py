@@ -4,7 +4,6 @@ import os
 import re
 import signal
 import sys
-import threading
 from pathlib import Path
 
 import pytest
@@ -164,13 +163,3 @@ def test_outputs_with_joints_are_like_the_first_input_with_joints(bridge):
 def test_a_missing_program_is_named(bridge, words, sentence):
     with pytest.raises(WiringError, match=sentence):
         bridge("json", "", words)
-
-
-def test_a_program_that_is_still_being_written_is_started_when_it_is_complete(bridge, tmp_path):
-    program = tmp_path / "program"
-    program.write_text(f"#!/bin/sh\nexec {' '.join(RIGHT)}\n")
-    program.chmod(0o755)
-    writer = program.open("ab")
-    threading.Timer(0.3, writer.close).start()
-    bridge("json", "", [str(program)])
-    assert writer.closed

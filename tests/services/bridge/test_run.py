@@ -14,7 +14,7 @@ from support.surroundings import comes_true, has_ended
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run import phases
+from stepbus_orchestrator.run import run
 from stepbus_orchestrator.run.extension import RunExtension
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
@@ -76,15 +76,11 @@ def test_a_program_that_works_on_behind_the_last_step_has_left_the_run(tmp_path)
 
 
 @pytest.mark.slow
-def test_a_program_that_works_on_without_end_is_killed_and_the_run_has_finished(
-    tmp_path, monkeypatch
-):
-    monkeypatch.setattr(phases, "OWN_WORK_S", 0.0)
+def test_a_program_that_works_on_without_end_is_late(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "_OWN_WORK_S", 0.0)
     result = run_bridged(tmp_path, "json", "plot", 7, "controller.stop_timeout=10s")
-    assert (result.exit_code, result.outcome) == (0, "finished")
-    (warned,) = result.warnings
-    assert warned.text.startswith("had left the complete run")
-    assert warned.source == "controller"
+    assert (result.exit_code, result.participant) == (ExitCode.STOP_TIMEOUT, "controller")
+    assert "did not end within 10 s of the stop and was killed" in result.reason
 
 
 def test_a_program_that_ends_before_it_is_ready_is_blamed(tmp_path):

@@ -1,18 +1,16 @@
 """The position controller: targets that arrive at the next one when the next command comes."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from support.services.control import make_config
 
 from stepbus_controller.position_controller import PositionController
-from stepbus_participant import Config
 from stepbus_schemas import (
     Description,
     InputConfig,
     JointReference,
     JointState,
-    OutputConfig,
     WiringError,
 )
 
@@ -21,28 +19,14 @@ STEP_NS = 50_000_000
 
 def controller(*, every=1, delay=0, names=("b", "a"), **params):
     """Return a controller of joints a and b; the reference comes every so many steps."""
-    inputs = {
-        "state": InputConfig(source="plant", port="s", type="JointState/1"),
-        "reference": InputConfig(
-            source="mission", port="r", type="JointReference/1", every=every, delay=delay
-        ),
-    }
-    outputs = {
-        "command": OutputConfig(type="JointCommand/1"),
-        "status": OutputConfig(type="ControllerStatus/1"),
-    }
-    made = PositionController(
-        Config(
-            name="controller",
-            step_ns=STEP_NS,
-            every=1,
-            seed=0,
-            folder=Path(),
-            inputs=inputs,
-            outputs=outputs,
-            params={"joints": ["a", "b"], **params},
-        )
+    inputs = {"state": "JointState/1", "reference": "JointReference/1"}
+    outputs = {"command": "JointCommand/1", "status": "ControllerStatus/1"}
+    given = {"joints": ["a", "b"], **params}
+    config = make_config("controller", inputs, outputs, params=given, step_ns=STEP_NS)
+    config.inputs["reference"] = InputConfig(
+        source="mission", port="r", type="JointReference/1", every=every, delay=delay
     )
+    made = PositionController(config)
     made.start({port: Description(names=list(names)) for port in inputs})
     return made
 

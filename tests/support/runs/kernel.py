@@ -1,6 +1,7 @@
 """Scenarios, processes and a bus in memory, to test the run loop without starting anything."""
 
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -9,10 +10,8 @@ import msgspec
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.processes.child import Process
 from stepbus_orchestrator.recording import Sink
-from stepbus_orchestrator.run.bus import Session
-from stepbus_orchestrator.run.host import Strategy
+from stepbus_orchestrator.run.extension import Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
-from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.ports import InputSpec, OutputSpec
@@ -230,10 +229,8 @@ class RunInMemory:
         self.bus = Bus(scenario, order, dies)
         self.sink = Transcript(scenario)
         self.timing = Timing()
-        session = Session(scenario, self.bus, TOKEN)
-        self.loop = Run(
-            session, Launched(self.bus), self.sink, self.timing, out=Path("no folder"), **controls
-        )
+        self.loop = Run(scenario, self.sink, self.timing, out=Path("no folder"), **controls)
+        self.loop.token = TOKEN
         self.phases = [self.loop.state.phase.value]
         enter = self.loop.state.enter
 
@@ -244,4 +241,7 @@ class RunInMemory:
         self.loop.state.enter = noted
 
     def run(self):
-        return run_phases(self.loop)
+        return self.loop.take_place(self)
+
+    def open(self, run):
+        return nullcontext((self.bus, Launched(self.bus)))

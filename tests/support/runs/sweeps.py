@@ -20,7 +20,6 @@ SHORT = ["--set", "duration=100ms"]
 
 def sweep(folder: Path, *words: str, check: bool = True) -> subprocess.CompletedProcess[str]:
     command = [*STEPBUS, "sweep", *words, "--out", str(folder / "sweep")]
-    # Ray's sockets need a short name; what it leaves goes with the folder.
     environment = {**os.environ, "HOME": str(folder)}
     done = subprocess.run(
         command,

@@ -1,4 +1,4 @@
-"""Controller and mission without a bus: configurations, steps, and a loop closed by Pinocchio."""
+"""Controller and mission without a bus: configurations and steps."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 import stepbus_scenarios
 from stepbus.testing import Bench
 from stepbus_controller.controller import Controller
 from stepbus_mission.mission import Mission
 from stepbus_participant import Config
-from stepbus_schemas import Description, InputConfig, JointState, OutputConfig
+from stepbus_schemas import Description, InputConfig, OutputConfig
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
 STEP_NS = 5_000_000
@@ -76,40 +75,3 @@ def make_controller(config: Config, names: list[str] | None = None) -> Stand:
 def make_mission(config: Config) -> Stand:
     """Return a started mission."""
     return Stand(Mission, config)
-
-
-class Arm:
-    """The two-link arm by Pinocchio, stepped as PyBullet does: semi-implicit Euler."""
-
-    def __init__(self) -> None:
-        self.model = pin.buildModelFromUrdf(str(TWO_LINK / "two_link.urdf"))
-        self.data = self.model.createData()
-        self.q = np.array([0.0, 1.0])
-        self.v = np.zeros(2)
-
-    def move(self, torque: list[float]) -> None:
-        """Move on by one step under a torque [N·m]."""
-        a = pin.aba(self.model, self.data, self.q, self.v, np.array(torque))
-        self.v = self.v + a * STEP_NS * 1e-9
-        self.q = self.q + self.v * STEP_NS * 1e-9
-
-
-def tracking_errors(steps: int = 2000, sense_velocity: bool = True, **params: Any) -> np.ndarray:
-    """Return reference minus position of a closed loop, shape (steps, 2) [rad]."""
-    arm, mission = Arm(), make_mission(mission_config(**SINE))
-    controller = make_controller(controller_config(model="two_link.urdf", **params))
-    errors = []
-    for index in range(steps):
-        velocity = arm.v.tolist() if sense_velocity else None
-        state = JointState(position=arm.q.tolist(), velocity=velocity)
-        reference = mission.update(index)["reference"]
-        published = controller.update(index, joint_state=state, reference=reference)
-        errors.append(np.array(reference.position) - arm.q)
-        arm.move(published["command"].values)
-    return np.array(errors)
-
-
-def rmse_after_2_s(**params: Any) -> list[float]:
-    """Return the steady tracking error per joint [rad]."""
-    errors = tracking_errors(**params)[400:]
-    return np.sqrt((errors**2).mean(axis=0)).tolist()

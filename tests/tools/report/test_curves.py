@@ -9,8 +9,7 @@ from support.messages.recordings import write
 from support.runs.panels import curves, lines, reference
 
 from stepbus_orchestrator.analysis.signals import TrackingError, tracking_pieces
-from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.recording.reader import source
+from stepbus_orchestrator.recording import Recording, source
 from stepbus_schemas import JointCommand, JointState
 from stepbus_tools.report.curves import Curve, JointCurves
 

@@ -9,7 +9,7 @@ from stepbus_orchestrator.recording import McapFile, Recorder
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Description, JointReference, JointState, Outputs, encode
-from stepbus_tools.report import write_report
+from stepbus_tools.run_lines import after_run
 
 STEP_NS = 5_000_000
 SINE = [math.sin(2 * math.pi * step / 200) for step in range(600)]
@@ -54,7 +54,7 @@ def offer(recorder, name, port, step, message):
 @pytest.mark.parametrize(
     ("positions", "wanted", "line"),
     [
-        ([], [], ""),
+        ([], [], "no report"),
         ([0.0], [], "plots"),
         ([0.0, math.inf], [], "plots"),
         ([0.0], [1.0], "tracking RMSE of the whole run: knee 1 rad"),
@@ -67,6 +67,5 @@ def offer(recorder, name, port, step, message):
     ],
 )
 def test_it_has_a_report(tmp_path, positions, wanted, line):
-    lines = write_report(record(tmp_path / "run.mcap", positions, wanted))
-    assert "".join(lines[:1]).startswith(line)
-    assert bool(lines) == bool(positions)
+    lines = after_run(record(tmp_path / "run.mcap", positions, wanted), has_plots=True)
+    assert lines[0].startswith(line)

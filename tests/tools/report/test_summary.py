@@ -8,19 +8,19 @@ from support.runs.panels import arm, reference, sliding
 from stepbus_orchestrator.analysis.signals import tracking_rmse
 from stepbus_participant import extra_hint
 from stepbus_schemas import JointState
-from stepbus_tools.report import write_report
 from stepbus_tools.report.summary import read_joints, tracking_lines
+from stepbus_tools.run_lines import after_run
 
 
 def test_nothing_loads_matplotlib_before_it_plots():
-    text = "import sys, stepbus_tools.report; sys.exit('matplotlib' in sys.modules)"
+    text = "import sys, stepbus_tools.run_lines; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", text], check=False).returncode == 0
 
 
 def test_without_matplotlib_the_summary_says_what_to_install(record, tmp_path, monkeypatch):
     record(**arm(target=[0.5]))
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    (line,) = write_report(tmp_path / "run.mcap")
+    line, *_ = after_run(tmp_path / "run.mcap", has_plots=True)
     assert line.startswith("no plots  a plot needs matplotlib")
     assert line.endswith("is not installed" + extra_hint("matplotlib"))
 

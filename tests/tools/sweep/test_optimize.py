@@ -58,7 +58,7 @@ def test_runs_without_the_metric_are_failed_ones_whatever_the_batch(batch):
 @pytest.mark.parametrize("batch", [1, 4])
 def test_an_optimizer_ends_where_no_run_has_a_number(batch):
     for count in (3, 100):
-        with pytest.raises(WiringError, match="rmse: it is not a metric of these runs"):
+        with pytest.raises(WiringError, match="rmse: it is a number in no run"):
             optimized([None] * count, batch)
 
 

@@ -1,25 +1,23 @@
 """Sweeps that are struck: killed, interrupted, without disk or node, beside other users."""
 
 import contextlib
-import itertools
 import json
 import os
 import signal
 import subprocess
 import sys
-import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from subprocess import Popen
 
 import psutil
 import pyarrow.parquet as parquet
 import pytest
 from support.runs.sweeps import SHORT, STEPBUS, rows, run_in, sweep, wait_for
-from support.surroundings import answers, listening
+from support.surroundings import listening
 
 from stepbus_orchestrator.errors import ExitCode
 
-pytest.importorskip("ray")
 pytestmark = pytest.mark.timeout(600)
 
 
@@ -98,6 +96,7 @@ def test_with_a_umask_of_0_nobody_else_may_write_to_what_a_sweep_leaves(tmp_path
 
 @pytest.mark.slow
 def test_a_node_that_dies_costs_only_its_runs(tmp_path: Path) -> None:
+    pytest.importorskip("ray")
     words = ["two_link", *SHORT, "--vary", "controller.params.kp=50:100:60"]
     (tmp_path / "whole").mkdir()
     sweep(tmp_path / "whole", *words, "--jobs", "1")
@@ -112,70 +111,74 @@ def test_a_node_that_dies_costs_only_its_runs(tmp_path: Path) -> None:
     assert len({(tmp_path / name).read_bytes() for name in names}) == 1
 
 
-@pytest.mark.slow
-def test_other_users_of_the_machine_get_nothing_of_a_sweep(tmp_path: Path) -> None:
-    words = [*STEPBUS, "sweep", "two_link", "--vary", "controller.params.kp=50:100:200"]
-    journal, temporary = tmp_path / "sweep/rows.jsonl", Path(tempfile.mkdtemp(prefix="s-"))
-    environment = {**os.environ, "HOME": str(tmp_path), "TMPDIR": str(temporary)}
-    answer = "refused: nobody but root can try"
-    temporary.chmod(0o755)
-    with subprocess.Popen(
-        [*words, "--jobs", "1", "--out", str(tmp_path / "sweep")],
-        cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    ) as process:  # fmt: skip
+def test_a_sweep_opens_no_port_and_leaves_nothing_to_other_users(tmp_path: Path) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    with running(tmp_path, "--jobs", "1", TMPDIR=str(temporary)) as (process, _):
+        family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(True)]
+        assert len(family) > 1
+        assert listening(family) == set()
+        modes = {path.name: path.stat().st_mode & 0o777 for path in temporary.iterdir()}
+        assert modes
+        assert set(modes.values()) == {0o700}
+        process.send_signal(signal.SIGINT)
+        process.wait(60)
+    assert list(temporary.iterdir()) == []
+
+
+def test_a_sweep_whose_process_is_killed_leaves_no_process_and_no_folder(tmp_path: Path) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    with running(tmp_path, TMPDIR=str(temporary)) as (process, _):
+        family = psutil.Process(process.pid).children(recursive=True)
+        process.kill()
+    _, alive = psutil.wait_procs(family, timeout=60)
+    assert not alive
+    assert list(temporary.iterdir()) == []
+
+
+def test_a_fork_server_that_ends_is_named(tmp_path: Path) -> None:
+    with running(tmp_path) as (process, errors):
+        (server,) = psutil.Process(process.pid).children()
+        server.kill()
+        assert process.wait(60) == ExitCode.START
+    assert f"process {server.pid}, which starts the runs, has ended" in errors.read_text()
+
+
+def test_a_run_whose_process_dies_is_made_again(tmp_path: Path) -> None:
+    with running(tmp_path, "--set", "duration=20s", "--jobs", "1") as (process, _):
+        (server,) = psutil.Process(process.pid).children()
+        wait_for(server.children)
+        server.children()[0].kill()
+        wait_for(lambda: len(journal_of(tmp_path)) >= 3)
+        process.send_signal(signal.SIGINT)
+        process.wait(60)
+    lines = journal_of(tmp_path)
+    assert {line["exit_code"] for line in lines} == {0}
+    assert sum(line["attempts"] for line in lines) == len(lines) + 1
+
+
+def journal_of(folder: Path) -> list[dict[str, int]]:
+    lines = (folder / "sweep/rows.jsonl").read_bytes().splitlines(keepends=True)
+    return [json.loads(line) for line in lines if line.endswith(b"\n")]
+
+
+@contextlib.contextmanager
+def running(folder: Path, *words: str, **variables: str) -> Iterator[tuple[Popen[bytes], Path]]:
+    """Yield a sweep of two_link with a finished run, and the file of its errors; then kill it."""
+    command = [*STEPBUS, "sweep", "two_link", "--vary", "controller.params.kp=50:100:400"]
+    errors, journal = folder / "errors", folder / "sweep/rows.jsonl"
+    with (
+        errors.open("wb") as sink,
+        Popen(
+            [*command, *words, "--out", str(folder / "sweep")],
+            stdout=subprocess.DEVNULL,
+            stderr=sink,
+            env={**os.environ, **variables},
+        ) as process,
+    ):
         try:
             wait_for(lambda: journal.exists() and journal.stat().st_size > 0)
-            family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(True)]
-            addresses = listening(family)
-            settings = answers(family, psutil.Process.environ).values()
-            secrets = {variables.get("RAY_AUTH_TOKEN", "") for variables in settings} - {""}
-            said = " ".join(itertools.chain(*answers(family, psutil.Process.cmdline).values()))
-            (private,) = temporary.glob("stepbus-ray-*")
-            mode = private.stat().st_mode & 0o777
-            if os.getuid() == 0:  # only root can become another user
-                for attempt in (["ls", private], ["ls", private / "r"]):
-                    assert subprocess.run(attempt, user=65534, check=False).returncode != 0
-                (address,) = {
-                    word.partition("=")[2] for word in said.split() if "--gcs-address=" in word
-                }
-                # Ray replaces 127.0.0.1 by the machine's own address, where nothing listens.
-                answer = as_another_user(
-                    tmp_path, f"[::ffff:127.0.0.1]:{address.rpartition(':')[2]}"
-                )
+            yield process, errors
         finally:
-            process.send_signal(signal.SIGINT)
-            process.wait(60)
-    assert addresses == {"127.0.0.1"}
-    assert answer.startswith("refused"), answer
-    assert mode == 0o700
-    (secret,) = secrets
-    assert secret not in said
-    assert not private.exists()
-    assert list(temporary.iterdir()) == []
-    temporary.rmdir()
-
-
-CLIENT = """
-import sys, ray
-try:
-    ray.init(address=sys.argv[1], log_to_driver=False)
-    print("ran as", ray.get(ray.remote(__import__("os").getuid).remote(), timeout=60))
-except Exception as exc:
-    print("refused", exc)
-"""
-
-
-def as_another_user(folder: Path, address: str) -> str:
-    """Return what a Ray client of another user gets, with a token that it has guessed."""
-    minor = f"python3.{sys.version_info.minor}"
-    packages = str(Path(psutil.__file__).parents[1])
-    guessed = {"HOME": str(folder), "PYTHONPATH": packages, "RAY_AUTH_MODE": "token",
-               "RAY_AUTH_TOKEN": "a" * 32}  # fmt: skip
-    for python in (sys.executable, f"/usr/bin/{minor}"):
-        with contextlib.suppress(PermissionError, FileNotFoundError):
-            done = subprocess.run(
-                [python, "-c", CLIENT, address], user=65534, group=65534, extra_groups=[],
-                env=guessed, capture_output=True, text=True, timeout=200, check=False, cwd="/",
-            )  # fmt: skip
-            return done.stdout.strip() or done.stderr
-    return "refused: it has no Python that it may start"
+            process.kill()

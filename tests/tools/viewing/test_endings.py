@@ -129,7 +129,7 @@ def test_a_signal_while_a_class_is_made_is_no_error():
 
 def test_a_view_that_stays_ends_with_a_signal_to_the_run_alone(tmp_path, capsys):
     interrupt = threading.Event()
-    with viewed(tmp_path / "run", [["--foxglove"]], stays=True, interrupt=interrupt):
+    with viewed(tmp_path / "run", opens=False, stays=True, interrupt=interrupt):
         interrupt.set()
     assert "the view stays open until Ctrl-C" in capsys.readouterr().err
 
@@ -146,7 +146,7 @@ VIEWER = "stepbus_orchestrator.cli.viewer"
 def test_a_view_that_does_not_begin_is_not_waited_for(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(f"{VIEWER}._COMMAND", SILENT)
     monkeypatch.setattr(f"{VIEWER}._START_S", 0.2)
-    with viewed(tmp_path / "run", [[]], stays=False, interrupt=threading.Event()):
+    with viewed(tmp_path / "run", opens=False, stays=False, interrupt=threading.Event()):
         assert "not started after 0 s" in (capsys.readouterr().err)
 
 
@@ -156,15 +156,14 @@ def test_a_signal_ends_the_wait_for_a_view(tmp_path, monkeypatch):
     threading.Timer(0.3, interrupt.set).start()
     with (
         pytest.raises(KeyboardInterrupt),
-        viewed(tmp_path / "run", [[]], stays=False, interrupt=interrupt),
+        viewed(tmp_path / "run", opens=False, stays=False, interrupt=interrupt),
     ):
         pytest.fail("nobody can see it")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("view", [["--view", "--no-open"], ["--foxglove"]])
-def test_a_view_that_is_stopped_at_its_start_delays_no_run_for_good(tmp_path, view):
-    words = ["run", "two_link", "--set", "duration=50ms", "--no-report", *view]
+def test_a_view_that_is_stopped_at_its_start_delays_no_run_for_good(tmp_path):
+    words = ["run", "two_link", "--set", "duration=50ms", "--no-report", "--view", "--no-open"]
     command = [sys.executable, "-m", "stepbus_orchestrator.cli", *words, "--out", tmp_path / "run"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, **pipes) as started:

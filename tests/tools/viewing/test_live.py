@@ -141,7 +141,7 @@ def test_a_live_page_says_that_a_run_failed_and_why(tmp_path, page, monkeypatch)
 
 
 def test_a_run_that_was_killed_is_no_longer_waited_for(tmp_path, page, plain_run, monkeypatch):
-    monkeypatch.setattr("stepbus_tools.viewing.run_client.IDLE_S", 0.1)
+    monkeypatch.setattr("stepbus_tools.viewing.live_page._IDLE_S", 0.1)
     monkeypatch.setattr("stepbus_tools.viewing.live_page._RESULT_S", 0.1)
     killed = tmp_path / "run"
     killed.mkdir()

@@ -15,8 +15,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import CallRecord
 from stepbus_tools.viewing.history import History, stop_of
-from stepbus_tools.viewing.playback import Findings, Playback, Player, open_recording, run_names
-from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.playback import Playback, open_recording, run_names
 from stepbus_tools.viewing.stage.view import stop_banner
 
 
@@ -43,12 +42,7 @@ def test_a_history_has_the_newest_message_of_a_time(recording):
 
 
 def player(page, *paths):
-    """Return a player for all visitors of a page."""
-    recordings = [open_recording(path) for path in paths]
-    scenes = [build_scene(one) for one in recordings]
-    runs = run_names(paths)
-    findings = Findings(*recordings, *[None][: 2 - len(recordings)], runs)
-    return Player(page.server, [History(one) for one in recordings], scenes, findings, runs)
+    return Playback(page.server, *map(open_recording, paths))
 
 
 def test_a_page_plays_to_its_end_and_stays_there(recording, page):
@@ -56,16 +50,16 @@ def test_a_page_plays_to_its_end_and_stays_there(recording, page):
     playback.play(playing=True)
     for _ in range(5):
         playback.turn(0.1)
-    assert "step 60 of 60" in playback.status
+    assert "step 60 of 60" in playback.view.status.content
     assert not playback.is_playing
 
 
 def test_the_divergence_from_a_second_recording_is_marked(recording, other, page):
     playback = player(page, recording, other)
-    while not any("divergence" in event for event in playback.events):
+    while not any("divergence" in event for event in playback.jumps):
         playback.turn(0.01)
     text = r"0\.005 s divergence: step 1: controller/command"
-    assert re.match(text, playback.events[0])
+    assert re.match(text, next(iter(playback.jumps)))
 
 
 def test_runs_are_named_by_as_much_of_their_folders_as_tells_them_apart(tmp_path):
@@ -118,7 +112,7 @@ def test_half_a_recording_is_shown_up_to_its_damage(recording, tmp_path, page):
     half, data = tmp_path / "half.mcap", recording.read_bytes()
     half.write_bytes(data[: len(data) * 3 // 4])
     playback = player(page, half)
-    assert "the recording **is damaged: " in playback.status
+    assert "the recording **is damaged: " in playback.view.status.content
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""What visitors of a page find: their own time, keys, marks, colours, names, and the robot in sight."""
+"""What visitors of a page find: keys, marks, colours, names, and the robot in sight."""
 
 import contextlib
 import itertools
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from support.browser import Curves, Watched, needs_chromium, opened, picture
+from support.browser import Curves, needs_chromium, opened, picture
 
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -146,21 +146,6 @@ def test_keys_step_play_and_jump_and_the_playhead_follows(page, recordings):
         signs = shown.locator(".mantine-Slider-markLabel").all_inner_texts()
         assert "≠" in signs
     assert (watched.errors, watched.strangers) == ([], [])
-
-
-@pytest.mark.slow
-@needs_chromium
-@pytest.mark.timeout(900)
-def test_each_tab_has_its_own_time(page, recordings):
-    with visited(page, recordings) as (watched, wait):
-        other = Watched(watched.page.context.new_page())
-        other.page.goto(watched.page.url)
-        wait(lambda: says(other.page, "step 0 of 60"), "the second tab")
-        other.page.get_by_text("last »", exact=True).click()
-        wait(lambda: says(other.page, "step 60 of 60"), "its end")
-        assert says(watched.page, "step 0 of 60")
-        other.page.close()
-        wait(lambda: len(page.server.get_clients()) == 1, "the second tab to go")
 
 
 @pytest.mark.slow

@@ -1,16 +1,11 @@
 """What is checked: `stepbus conformance` a program, `doctor` this machine, `selftest` a plant."""
 
 import math
-import sys
 from collections.abc import Iterator, Sequence
-
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
-from stepbus_orchestrator.cli.terminal.output import Answer, has_screen, say, table, visible
+from stepbus_orchestrator.cli.terminal.output import Answer, say, table
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import PROTOCOL_VERSION
@@ -18,8 +13,6 @@ from stepbus_tools.commands.declared import Conformance, Doctor, Selftest
 from stepbus_tools.conformance import CheckResult, Report, conformance, select, write_junit
 from stepbus_tools.doctor import examine
 from stepbus_tools.selftest import SelfTest, Verdict, selftest
-
-_STYLES = {"pass": "green", "fail": "bold red", "skipped": "yellow"}
 
 
 def conformance_command(given: Conformance) -> Answer:
@@ -52,17 +45,8 @@ def conformance_command(given: Conformance) -> Answer:
 
 
 def _show(result: CheckResult) -> None:
-    """Show a result as it comes: a row of a table in a terminal, else a plain line."""
-    if not has_screen(sys.stdout):
-        say(f"{result.outcome:8} {result.name} ({result.clause}): {result.observed}")
-        return
-    row = Table.grid(padding=(0, 1), expand=True)
-    for width in (7, 19, 6):
-        row.add_column(width=width, no_wrap=True)
-    row.add_column(ratio=1)
-    outcome = f"[{_STYLES[result.outcome]}]{result.outcome}[/]"
-    row.add_row(outcome, result.name, result.clause, escape(visible(result.observed)))
-    Console().print(row)
+    """Print a result as it comes."""
+    say(f"{result.outcome:8} {result.name} ({result.clause}): {result.observed}")
 
 
 def _verdict(report: Report) -> str:

@@ -14,7 +14,6 @@ from stepbus_orchestrator.cli.options import (
     Duration,
     File,
     Folder,
-    FoxglovePort,
     Index,
     Json,
     Port,
@@ -105,12 +104,11 @@ class View(Command, work="view", group="look"):
 
     Serves a local page with the robot and world of a recording: targets as ghosts, contacts,
     planned paths, detections, camera images, curves and events, with a time slider. It reads only
-    what you look at, so a long recording opens immediately. The URL contains a token and works
-    once, in one browser.
+    what you look at, so a long recording opens immediately. The URL contains a
+    token.
 
     $ stepbus view runs/arm
     $ stepbus view runs/arm/run.mcap runs/other/run.mcap --no-open
-    $ stepbus view runs/arm --foxglove 8765
     """
 
     recording: Path
@@ -128,9 +126,6 @@ class View(Command, work="view", group="look"):
     """address to listen on (default: this machine only)"""
     no_open: bool = False
     """do not open a browser"""
-    foxglove: FoxglovePort = None
-    """serve Foxglove and Lichtblick over a WebSocket instead of the page (default: any free
-    port)"""
 
 
 class Conformance(Command, work="checks", group="test", is_run=True):

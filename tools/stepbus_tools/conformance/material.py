@@ -163,14 +163,14 @@ def read(scenario: Scenario, participant: str, path: Path) -> Material:
     """
     spec = find(scenario, participant)
     recording = Recording(path)
-    names = dict.fromkeys(item.source for item in spec.inputs.values())
-    sources = {name: scenario.participant(name) for name in names}
+    sources = {item.source: scenario.participant(item.source) for item in spec.inputs.values()}
     described = recorded_descriptions(recording)
+    outputs = RecordedOutputs(recording, sources.values())
     return Material(
         scenario=scenario,
         spec=spec,
         feed={
-            name: dict(RecordedOutputs(recording, [source]).ahead(name, scenario.steps or 0))
+            name: {n: outputs.take(name, n) for n in range(0, scenario.steps or 0, source.every)}
             for name, source in sources.items()
         },
         descriptions=input_descriptions(

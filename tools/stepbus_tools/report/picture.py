@@ -15,7 +15,6 @@ from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing, need
 from stepbus_schemas import SHIPPED, StepbusError
-from stepbus_tools.columns import readable
 from stepbus_tools.look import LINES, PAPER, line_style, prefixed
 from stepbus_tools.report.charts import (
     Chart,
@@ -25,11 +24,10 @@ from stepbus_tools.report.charts import (
     field_chart,
     path_of,
 )
-from stepbus_tools.report.curves import Curve, JointCurves, Line, PortCurves, read_ports
+from stepbus_tools.report.curves import Curve, JointCurves, Line, PortCurves
 from stepbus_tools.report.summary import (
     NO_DYNAMICS,
     lacks_dynamics,
-    read_joints,
     scenario_name,
 )
 from stepbus_tools.whole_file import replaced
@@ -167,26 +165,6 @@ def _draw(axis: Any, chart: Chart, *, is_named: bool) -> None:
 REPORT_FILE = "report.png"
 _SHOWN = ("BaseState/1", "GripperState/1", "Imu/1", "Scalars/1", "Wrench/1")
 _MOST_FIELDS = _MOST_LINES = 8
-
-
-def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
-    """Plot a recording and return what a summary should say of it.
-
-    path: the recording, which is read piece by piece. has_plots: whether to plot, beside it, in
-    report.png. One that cannot be plotted gets a line that says why; one without anything to plot
-    has no plots.
-    """
-    try:
-        with Recording(path) as recording:
-            joints, lines = read_joints(recording)
-            if not has_plots:
-                return lines
-            tables = [table for table in readable(recording)[0] if is_pictured(table.port)]
-            ports = [PortCurves(table, _MOST_LINES) for table in tables]
-            read_ports(recording, ports)
-            return [*lines, *draw_report(recording, joints, ports)]
-    except (StepbusError, OSError) as exc:
-        return [f"no plots  {exc}"]
 
 
 def draw_report(

@@ -69,17 +69,12 @@ class Optimizer:
                 self._first = self._first or row
         is_over = rows[-1].run == self._trials - 1
         if self._first and not self._has_number and (is_over or self._finished >= _RANDOM):
-            raise WiringError(self._nothing_in(self._first))
-
-    def _nothing_in(self, row: ResultRow) -> str:
-        """Return why there is nothing to optimise, by the first run that finished."""
-        why = f"is not a metric of these runs{suggest(self._metric, row.metrics)}; they have "
-        why += ", ".join(row.metrics)
-        if self._metric in row.metrics:
-            value = row.metrics[self._metric]
-            why = f"is {value!r} in run {row.run}, which is not a number"
-        why += f" ({row.metric_error})" if row.metric_error else ""
-        return f"{argument('--optimize')} {self._metric}: it {why}: cannot optimize"
+            known = self._first.metrics
+            more = "" if self._metric in known else suggest(self._metric, known)
+            raise WiringError(
+                f"{argument('--optimize')} {self._metric}: it is a number in no run{more}; they "
+                f"have {', '.join(known)}"
+            )
 
     def _value(self, row: ResultRow) -> float | None:
         """Return the metric of a run; None where it has none."""

@@ -1,6 +1,8 @@
 """A run of a sweep, which can be made again from the files that the sweep's folder keeps."""
 
+import contextlib
 import os
+import shutil
 import threading
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,17 +12,21 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, file_attachment
-from stepbus_orchestrator.run.folder import read_files
+from stepbus_orchestrator.run.folder import read_files, scratch_folder
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.override import override
 from stepbus_participant.parameters import read_yaml
-from stepbus_schemas import WiringError
+from stepbus_schemas import StepbusError, WiringError
+from stepbus_tools.report.picture import REPORT_FILE
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import SPEC_FILE, load_spec, overrides_of
+from stepbus_tools.sweep.trial import quick_host
+from stepbus_tools.viewing.page import RunPage
+from stepbus_tools.whole_file import replaced
 
 SOURCE_FOLDER = "source"
 
@@ -80,7 +86,28 @@ class RowRun:
         out: Path,
         observer: Observer | None = None,
         interrupt: threading.Event | None = None,
+        *,
+        is_quick: bool = False,
     ) -> RowRerun:
-        """Run it again in separate processes; out: a new folder. Raises as `stepbus run` does."""
+        """Run it again; out: a new folder. Raises as `stepbus run` does.
+
+        is_quick: in this process, which is the run's alone, where the scenario allows it; else in
+        separate ones.
+        """
         scenario = load(self._file, self._settings, self._faults)
-        return RowRerun(row=self._row, result=run(scenario, Options(out=out), observer, interrupt))
+        options = Options(out=out, host=quick_host(scenario)) if is_quick else Options(out=out)
+        return RowRerun(row=self._row, result=run(scenario, options, observer, interrupt))
+
+
+def plot_run(folder: Path, number: int, picture: Path, interrupt: threading.Event | None) -> None:
+    """Make a run of a sweep again, and plot it; one that fails leaves no picture.
+
+    interrupt: None in a process that is the run's alone.
+    """
+    with contextlib.suppress(StepbusError), scratch_folder("sweep") as out:
+        made = RowRun(folder, number).run(
+            out / "run", interrupt=interrupt, is_quick=interrupt is None
+        )
+        list(RunPage(made.result.recording).draw())
+        with replaced(picture) as part:
+            shutil.copyfile(out / "run" / REPORT_FILE, part)

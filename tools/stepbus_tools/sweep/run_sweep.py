@@ -20,15 +20,13 @@ from stepbus_orchestrator.errors import (
     argument,
 )
 from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_participant import append_to, make_folder, need
-from stepbus_schemas import StepbusError, WiringError
-from stepbus_tools.report import REPORT_FILE, write_report
+from stepbus_schemas import WiringError
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle, collect
 from stepbus_tools.sweep.optimize import Optimizer
-from stepbus_tools.sweep.pool import Pool, PoolOptions
-from stepbus_tools.sweep.row_run import SOURCE_FOLDER, RowRun
+from stepbus_tools.sweep.pool import PoolOptions, open_workers, run_points
+from stepbus_tools.sweep.row_run import SOURCE_FOLDER
 from stepbus_tools.sweep.rows import TABLE_FILE, Journal, ResultRow, write_table
 from stepbus_tools.sweep.spec import (
     SPEC_FILE,
@@ -39,7 +37,6 @@ from stepbus_tools.sweep.spec import (
 )
 from stepbus_tools.sweep.sweep_page import PAGE_FILE, extremes, write_page
 from stepbus_tools.sweep.trial import write_run
-from stepbus_tools.whole_file import replaced
 
 _TABLE_EVERY_S = 30.0
 _LOCK = ".lock"
@@ -106,7 +103,7 @@ def sweep(
     interrupt: ends it once it is set; what is done stays, and the same call goes on from there.
 
     Raises RecordingFailed where its folder holds another sweep or cannot be written, StartFailed
-    where Ray does not start, and Interrupted.
+    where the workers do not start, and Interrupted.
     """
     bundle = collect(plan.variants, plan.spec.metrics)
     check_limits(len(plan.variants[0].participants))
@@ -182,13 +179,18 @@ class _Sweep:
         for row in journal.rows():
             self._count(row)
         if self._resumed < self._total:
-            self._report("starting Ray (some seconds; up to a minute on a busy machine)")
-            with Pool(self._bundle, self._options) as self._pool:
-                self._report("starting workers")
+            self._report("starting workers")
+            with open_workers(self._bundle, self._options) as self._workers:
                 self._began_runs = time.monotonic()
                 self._run_missing(interrupt)
+                write_table(journal, self._paths, self._home)
+                if not interrupt.is_set() and (wanted := dict(self._pictures().values())):
+                    self._report(
+                        "plotting the " + " and the ".join(p.stem for p in wanted.values()) + " run"
+                    )
+                    self._workers.plot(wanted, interrupt)
         write_table(journal, self._paths, self._home)
-        pictures = self._draw(interrupt)
+        pictures = {name: path for name, (_, path) in self._pictures().items() if path.exists()}
         write_page(journal, self._plan, self._paths, self._home, pictures)
         if interrupt.is_set():
             raise Interrupted(
@@ -219,25 +221,16 @@ class _Sweep:
             if optimizer is not None:
                 optimizer.tell([_checked(self._journal.row(p.number), p) for p in batch])
 
-    def _draw(self, interrupt: threading.Event) -> dict[str, Path]:
-        """Make the best and the worst run again, and return title → their plots."""
-        pictures: dict[str, Path] = {}
-        for name, row in extremes(self._journal, self._plan.spec).items():
-            picture = self._home / f"{name}.png"
-            if self._resumed < self._total and not interrupt.is_set():
-                self._report(f"plotting the {name} run")
-                with contextlib.suppress(StepbusError), scratch_folder("sweep") as out:
-                    made = RowRun(self._home, row.run).run(out / "run", interrupt=interrupt)
-                    write_report(made.result.recording)
-                    with replaced(picture) as part:
-                        shutil.copyfile(out / "run" / REPORT_FILE, part)
-            if picture.exists():
-                pictures[f"{name} run: {row.run}"] = picture
-        return pictures
+    def _pictures(self) -> dict[str, tuple[int, Path]]:
+        """Return title → number and picture of the best and the worst run."""
+        return {
+            f"{name} run: {row.run}": (row.run, self._home / f"{name}.png")
+            for name, row in extremes(self._journal, self._plan.spec).items()
+        }
 
     def _run_points(self, points: Iterable[Point], interrupt: threading.Event) -> None:
         journal = self._journal
-        for row, files in self._pool.run(points, interrupt.is_set):
+        for row, files in run_points(self._workers, self._options, points, interrupt.is_set):
             if row.exit_code == ExitCode.RECORDING:
                 # The machine's fault, not the point's: a row of it would stay for good.
                 raise RecordingFailed(

@@ -13,6 +13,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, RunFailure
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.host import Host
 from stepbus_orchestrator.run.inprocess.local_run import check_scenario
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
@@ -34,19 +35,17 @@ class Trials:
     """Runs points of one sweep, one after the other, in a folder of its own.
 
     keep: which runs' folders stay. home: the sweep's folder, where it is within reach; else what
-    stays is returned by content. temporary: where the folder is; None: where temporary ones are.
+    stays is returned by content.
     """
 
-    def __init__(
-        self, bundle: Bundle, *, keep: str, home: Path | None, temporary: str | None = None
-    ) -> None:
-        self._settings = bundle.settings
+    def __init__(self, bundle: Bundle, *, keep: str, home: Path | None) -> None:
+        self._bundle = bundle
         self._keep = keep
         self._home = home
-        self._folder = Path(tempfile.mkdtemp(prefix="stepbus-sweep-", dir=temporary))
-        source = self._folder / "source"
-        self._scenario = bundle.unpack(source)
-        self._metrics = Metrics(bundle.metrics, source / METRICS_FOLDER)
+        self._folder = Path(tempfile.mkdtemp(prefix="stepbus-sweep-"))
+        self._source = self._folder / "source"
+        self._scenario = bundle.unpack(self._source)
+        self._metrics: Metrics | None = None
 
     def __enter__(self) -> Self:
         """Return it."""
@@ -56,9 +55,20 @@ class Trials:
         """Remove the folder."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
+    def classes(self) -> list[str]:
+        """Return the classes of the scenario's participants, as `module:Class`."""
+        scenario = load(self._scenario, self._bundle.settings)
+        return [spec.participant for spec in scenario.participants if spec.participant]
+
+    def load_metrics(self) -> Metrics:
+        """Load the user's metrics, once; raises MetricFailed for one that cannot be loaded."""
+        if self._metrics is None:
+            self._metrics = Metrics(self._bundle.metrics, self._source / METRICS_FOLDER)
+        return self._metrics
+
     def run(self, point: Point) -> tuple[ResultRow, Files]:
         """Run a point; return its row, and the files of a run that stays where none is in reach."""
-        out, began = self._folder / "run", time.monotonic()
+        out, began = self._folder / f"run-{point.number}", time.monotonic()
         try:
             row = self._row(point, self._run(point, out))
             row = msgspec.structs.replace(row, wall_s=time.monotonic() - began)
@@ -72,17 +82,15 @@ class Trials:
     def _run(self, point: Point, out: Path) -> Result:
         """Run a point; raises ScenarioError for one that cannot run."""
         texts, faults = overrides_of(point)
-        scenario = load(self._scenario, [*self._settings, *texts], faults)
-        in_process = _can_share(scenario)
-        options = Options(out=out, host=host_of(in_process=in_process, owns_descriptors=in_process))
-        return run(scenario, options)
+        scenario = load(self._scenario, [*self._bundle.settings, *texts], faults)
+        return run(scenario, Options(out=out, host=quick_host(scenario)))
 
     def _row(self, point: Point, result: Result) -> ResultRow:
         metrics: dict[str, Value] = {"success": result.exit_code == 0}
         errors = list[str]()
         if result.steps and result.recording.exists():
             recording = Recording(result.recording)
-            own, errors = self._metrics.of(recording)
+            own, errors = self.load_metrics().of(recording)
             metrics = {**builtin_metrics(result, recording), **own}
         for name, value in metrics.items():
             if isinstance(value, float) and not math.isfinite(value):
@@ -114,13 +122,13 @@ class Trials:
         return row, {str(path.relative_to(out)): path.read_bytes() for path in paths}
 
 
-def _can_share(scenario: Scenario) -> bool:
-    """Return whether all participants can run in one process."""
+def quick_host(scenario: Scenario) -> Host:
+    """Return the host of a run in a process of its own: this process, if it can run there."""
     try:
         check_scenario(scenario)
     except WiringError:
-        return False
-    return True
+        return host_of(in_process=False)
+    return host_of(in_process=True, owns_descriptors=True)
 
 
 def move_run(out: Path, home: Path, row: ResultRow) -> None:

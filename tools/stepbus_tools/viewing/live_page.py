@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_orchestrator.run.result import Result
@@ -19,13 +20,17 @@ from stepbus_tools.report.charts import Mark
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.controls import Controls
 from stepbus_tools.viewing.history import EVENT_TYPES, mark_of, stop_of
-from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run, latest_of
+from stepbus_tools.viewing.run_client import FRAME_S, RunClient
 from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.scene import Latest, Messages
 from stepbus_tools.viewing.stage.curves import Data, Signal
 from stepbus_tools.viewing.stage.stage import Framing, add_light
 from stepbus_tools.viewing.stage.view import View, failure_banner, plain_topics, result_in
 from stepbus_tools.viewing.viewpoint import Swept
 
+_IDLE_S = 5.0
+"""So long without anything new, and a run has been killed, or its user is told."""
+_START_S = 600.0
 _LAST_S = 0.2
 """What a browser takes to be told the last."""
 _RESULT_S = 5.0
@@ -69,11 +74,25 @@ class LivePage:
         self._is_unswept = False
         self._grown_at = time.monotonic()
 
+    def follow(self, is_over: Callable[[], bool]) -> None:
+        """Show the run thirty times a second until it has ended or died, or the viewer has."""
+        # The first messages are there.
+        is_new = True
+        while not is_over() and not self._tail.is_complete:
+            began = time.monotonic()
+            is_new = self._tail.poll() or is_new
+            self.turn(is_new)
+            if self._client.is_lost and began - self._grown_at > _IDLE_S:
+                break
+            is_new = False
+            time.sleep(max(0.0, FRAME_S - (time.monotonic() - began)))
+        self.turn(self._tail.poll() or is_new)
+
     def turn(self, is_new: bool) -> None:
         """Show what is new."""
         now = time.monotonic()
         if is_new:
-            messages = latest_of(self._tail, self._view.topics)
+            messages = self._latest(self._view.topics)
             self._view.show(messages)
             self._controls.panel.follow(messages)
             self._points.add()
@@ -86,14 +105,19 @@ class LivePage:
             self._view.curves.update(recent)
             if self._is_unswept:
                 self._is_unswept = False
-                self._swept.take(latest_of(self._tail, self._view.stage.scene.topics))
+                self._swept.take(self._latest(self._view.stage.scene.topics))
             self._framing.turn(self._swept.box, self._swept.fixed)
         if now - self._worded_at >= _WORDS_S:
             self._worded_at = now
-            self._view.offer_signals(latest_of(self._tail, self._plain_topics))
+            self._view.offer_signals(self._latest(self._plain_topics))
             self._view.status.content = self._words(now)
             self._tell_events()
             self._controls.update(self._view.stopped or self._stopped_by_call)
+
+    def _latest(self, topics: Iterable[str]) -> Messages:
+        """Return the newest message of each port that has one to read."""
+        rows = ((topic, self._tail.latest(topic)) for topic in topics)
+        return {topic: Latest(*row) for topic, row in rows if row is not None}
 
     def end(self, *, has_failed: bool) -> None:
         """Say that the run has ended, and take off what would no longer act."""
@@ -104,7 +128,7 @@ class LivePage:
         """Return how far the run is, and whether it goes on."""
         words = headline(self._client.status, self._tail.last_step, self._rate())
         idle_s = now - self._grown_at
-        if idle_s > IDLE_S and self._client.status.get("phase") != "paused":
+        if idle_s > _IDLE_S and self._client.status.get("phase") != "paused":
             words += f"  \n**no new data for {idle_s:.0f} s**"
         return words
 
@@ -192,24 +216,24 @@ class Points:
 
 
 def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
-    """Show a run on a page until it has ended, or the viewer has; returns whether the run has.
+    """Show a run on a page until it has ended, or the viewer has; return whether the run has.
 
-    folder, and what is raised: as of `follow_run`.
+    folder: of the run, which may not have begun. Raises RecordingFailed when it does not begin.
     """
-    waiting = server.gui.add_markdown("waiting for the run to start …")
-
-    def begin(tail: Tail, client: RunClient) -> Turn:
-        waiting.remove()
-        server.gui.set_panel_label(scenario_name(tail))
-        pages.append(LivePage(server, tail, client))
-        return pages[0].turn
-
-    pages: list[LivePage] = []
-    has_ended = follow_run(folder, is_over, begin)
+    waiting, page = server.gui.add_markdown("waiting for the run to start …"), None
+    with contextlib.ExitStack() as stack:
+        if (tail := _wait_for(folder, is_over, stack)) is not None:
+            client = RunClient(folder)
+            stack.callback(client.close)
+            waiting.remove()
+            server.gui.set_panel_label(scenario_name(tail))
+            page = LivePage(server, tail, client)
+            page.follow(is_over)
+    has_ended = page is not None and not is_over()
     result = _result_of(folder, is_over) if has_ended or not (folder / LIVE_FILE).exists() else None
     failure = failure_banner(result)
-    if pages and (has_ended or result):
-        pages[0].end(has_failed=bool(failure))
+    if page is not None and (has_ended or result):
+        page.end(has_failed=bool(failure))
     if failure:
         server.gui.add_html(failure, order=-2.0)
     # The page may stay open for longer than what it shows.
@@ -226,3 +250,22 @@ def _result_of(folder: Path, is_over: Callable[[], bool]) -> Result | None:
     while (result := result_in(folder)) is None and not is_over() and time.monotonic() < deadline:
         time.sleep(_LAST_S)
     return result
+
+
+def _wait_for(
+    folder: Path, is_over: Callable[[], bool], stack: contextlib.ExitStack
+) -> Tail | None:
+    """Return the recording of a run as soon as it has messages; None when the viewer has ended."""
+    deadline, path, tail = time.monotonic() + _START_S, folder / layout.RUN_FILE, None
+    while not is_over():
+        if tail is None and path.exists():
+            tail = Tail(path)
+            stack.callback(tail.close)
+        if tail is not None and tail.poll() and tail.last_step >= 0:
+            return tail
+        if tail is not None and tail.is_complete:
+            raise RecordingFailed(f"{path} has no messages; nothing to show")
+        if time.monotonic() > deadline:
+            raise RecordingFailed(f"{folder}: no run has started there for {_START_S:.0f} s")
+        time.sleep(FRAME_S)
+    return None

@@ -1,4 +1,4 @@
-"""A recording on a page: each of its visitors has a time of their own."""
+"""A recording on a page: its time, and the controls of it."""
 
 import contextlib
 import math
@@ -19,7 +19,7 @@ from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.scene import Messages, Scene
+from stepbus_tools.viewing.scene.scene import Messages
 from stepbus_tools.viewing.stage.curves import Data, Signal
 from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Framing, Stage, add_light
 from stepbus_tools.viewing.stage.view import (
@@ -106,57 +106,24 @@ def _parting(path: Path, other: Path, runs: Sequence[str], step_s: float) -> Mar
 
 
 class Playback:
-    """A recording on a page: every visitor has a time of their own.
+    """A recording on a page, with a time that all of its visitors share.
 
-    server: of viser. other: a second recording, drawn as a ghost at the same time.
+    server: of viser. other: a second recording, drawn as a ghost at the same time. is_playing:
+    whether time goes on by itself. jumps: text of an event → its time [ns].
     """
 
     def __init__(self, server: Any, recording: Recording, other: Recording | None = None) -> None:
-        self._server = server
         recordings = [recording] if other is None else [recording, other]
-        self._histories = [History(one) for one in recordings]
-        self._scenes = [build_scene(one) for one in recordings]
-        self._runs = run_names([one.path for one in recordings])
-        self._findings = Findings(recording, other, self._runs)
-        self._players: dict[int, Player] = {}
-        add_light(server.scene)
-        self._framing = Framing(server)
-        self._swept = swept(self._scenes[0], self._histories[0])
-
-    def turn(self, elapsed_s: float) -> None:
-        """Go on by the time since the last turn [s], and show what is new."""
-        clients = self._server.get_clients()
-        self._players = {key: one for key, one in self._players.items() if key in clients}
-        for key, client in clients.items():
-            if key not in self._players:
-                self._players[key] = Player(
-                    client, self._histories, self._scenes, self._findings, self._runs
-                )
-            self._players[key].turn(elapsed_s)
-        self._framing.turn(self._swept.box, self._swept.fixed)
-
-
-class Player:
-    """A recording on the page of one visitor, with its time.
-
-    host: a client of viser's server, or the server for all. is_playing: whether its time goes on
-    by itself.
-    """
-
-    def __init__(
-        self,
-        host: Any,
-        histories: Sequence[History],
-        scenes: Sequence[Scene],
-        findings: Findings,
-        runs: Sequence[str],
-    ) -> None:
-        self._host = host
-        self._histories = histories
+        self._histories = histories = [History(one) for one in recordings]
         self._history = histories[0]
-        self._findings = findings
+        scenes = [build_scene(one) for one in recordings]
+        self._runs = runs = run_names([one.path for one in recordings])
+        self._findings = Findings(recording, other, runs)
+        add_light(server.scene)
+        self._framing, self._swept = Framing(server), swept(scenes[0], self._history)
+        self._gui = server.gui
         self._marks: tuple[Mark, ...] = ()
-        self._jumps: dict[str, int] = {}
+        self.jumps: dict[str, int] = {}
         self._t_ns = 0
         self._shown_ns = -1
         self._charted_s = 0.0
@@ -168,21 +135,19 @@ class Player:
             for one, name in zip(histories, names, strict=True)
         )
         if failures := "".join(banners):
-            host.gui.add_html(failures, order=_TOP)
-        self._stop = host.gui.add_html("", order=_TOP)
+            self._gui.add_html(failures, order=_TOP)
+        self._stop = self._gui.add_html("", order=_TOP)
         self._slider = self._add_slider(())
-        self._add_controls(host.gui)
-        recording = self._history.recording
-        self._runs = runs
+        self._add_controls(self._gui)
         compared = runs if histories[1:] else ()
-        self._view = View(host, scenes[0], recording.ports, self._sample, compared)
+        self.view = View(server, scenes[0], recording.ports, self._sample, compared)
         self._others = [
-            (history, Stage(host, scene, "/other", OTHER_COLOR))
+            (history, Stage(server, scene, "/other", OTHER_COLOR))
             for history, scene in zip(histories[1:], scenes[1:], strict=True)
         ]
         self._show()
         topics = plain_topics(recording.ports)
-        self._view.offer_signals(self._history.at(topics, self._history.end_ns))
+        self.view.offer_signals(self._history.at(topics, self._history.end_ns))
 
     def _sample(self, signal: Signal) -> Data:
         """Return a signal over the whole recording, at evenly spaced times."""
@@ -192,7 +157,7 @@ class Player:
 
     def _past(self, step: int) -> Messages:
         """Return what placed the scene at a step."""
-        return self._history.at(self._view.stage.scene.topics, step * self._history.step_ns)
+        return self._history.at(self.view.stage.scene.topics, step * self._history.step_ns)
 
     def _read(self, signal: Signal) -> Data:
         times = self._history.times(max(1, min(_SAMPLES, self._history.last_step)))
@@ -208,7 +173,7 @@ class Player:
 
     def _add_slider(self, marks: Sequence[Mark]) -> Any:
         end_s, step_s = max(self._history.end_ns * 1e-9, 1e-6), self._history.step_ns / 1e9
-        slider = self._host.gui.add_slider(
+        slider = self._gui.add_slider(
             "time [s]",
             min=0.0,
             max=end_s,
@@ -227,7 +192,7 @@ class Player:
         self._step.on_click(lambda _: self._stepped(_STEPS.index(self._step.value)))
         self._speed = gui.add_dropdown("speed", tuple(_SPEEDS), initial_value="1 ×")
         self._jump = gui.add_dropdown("event", (_JUMP,), initial_value=_JUMP, visible=False)
-        self._jump.on_update(lambda _: self._seek(self._jumps.get(self._jump.value, self._t_ns)))
+        self._jump.on_update(lambda _: self._seek(self.jumps.get(self._jump.value, self._t_ns)))
         play = gui.add_command("play or pause", hotkey="space")
         play.on_trigger(lambda _: self.play(playing=not self.is_playing))
         for which, (key, label) in zip((1, 2, 0, 3), _KEYS, strict=True):
@@ -264,22 +229,12 @@ class Player:
     def _mark(self) -> None:
         """Show what has been found since."""
         self._marks = self._findings.marks
-        self._jumps = {mark.label: self._step_at(mark.t) for mark in self._marks}
-        self._jump.options = (_JUMP, *self._jumps)
-        self._jump.visible = bool(self._jumps)
+        self.jumps = {mark.label: self._step_at(mark.t) for mark in self._marks}
+        self._jump.options = (_JUMP, *self.jumps)
+        self._jump.visible = bool(self.jumps)
         self._slider.remove()
         self._slider = self._add_slider(self._marks)
-        self._view.tell(self._marks)
-
-    @property
-    def status(self) -> str:
-        """Return how far it is, as Markdown."""
-        return str(self._view.status.content)
-
-    @property
-    def events(self) -> Sequence[str]:
-        """Return what the viewer can jump to."""
-        return list(self._jumps)
+        self.view.tell(self._marks)
 
     # --- time -----------------------------------------------------------------------------
 
@@ -298,16 +253,17 @@ class Player:
         self._charted_s += elapsed_s
         if self._charted_s >= _CHART_S:
             self._charted_s = 0.0
-            self._view.curves.update(self._marks, self._t_ns * 1e-9)
+            self.view.curves.update(self._marks, self._t_ns * 1e-9)
+        self._framing.turn(self._swept.box, self._swept.fixed)
 
     def _show(self) -> None:
         t_ns, history = self._t_ns, self._history
         self._shown_ns = t_ns
-        self._view.show(history.at(self._view.topics, t_ns), self._past)
+        self.view.show(history.at(self.view.topics, t_ns), self._past)
         for other, stage in self._others:
             stage.move(stage.scene.poses(other.at(stage.scene.topics, t_ns)))
         called = [who for since_ns, who in self._findings.stops if since_ns <= t_ns]
-        banner = stop_banner(self._view.stopped or next(reversed(called), ""))
+        banner = stop_banner(self.view.stopped or next(reversed(called), ""))
         if banner != self._stop.content:
             self._stop.content = banner
         step = round(t_ns / history.step_ns)
@@ -316,7 +272,7 @@ class Player:
         for run, (other, _) in zip(self._runs[1:], self._others, strict=True):
             if t_ns > other.end_ns:
                 note += f"  \n{run} has ended at {other.end_ns * 1e-9:.3f} s"
-        self._view.status.content = (
+        self.view.status.content = (
             f"**t = {t_ns * 1e-9:.3f} s**, step {step} of {history.last_step}{note}"
         )
 

@@ -1,33 +1,24 @@
-"""The connection of a view to a live run: its calls, and its recording as it grows."""
+"""The connection of a view to a live run: its status and its calls."""
 
 import contextlib
 import math
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.run.live_file import LIVE_FILE, Line
 from stepbus_schemas import StepbusError, WiringError
-from stepbus_tools.viewing.scene.scene import Latest, Messages
 
 FRAME_S = 1 / 30
-IDLE_S = 5.0
-"""So long without anything new, and a run has been killed, or its user is told."""
-_START_S = 600.0
 _STATUS_S = 0.4
 _FLUSH_AGAIN_S = 2.0
 _ANSWER_S = 10.0
 
 Ask = tuple[str, str, Sequence[Any]]
 """Participant, or nothing for the run itself; method; arguments."""
-Turn = Callable[[bool], None]
-"""Shows what is new, thirty times a second. It takes whether anything has been recorded since."""
-
 _DRAGGED = frozenset({"set_target", "set_joint_position"})
 """Calls of sliders: while one is dragged, only the newest position counts."""
 
@@ -116,58 +107,3 @@ def newest(asked: Sequence[Ask]) -> list[Ask]:
             kept.pop()
         kept.append(ask)
     return kept
-
-
-def latest_of(tail: Tail, topics: Iterable[str]) -> Messages:
-    """Return the newest message of each port that has one to read."""
-    return {topic: Latest(*row) for topic in topics if (row := tail.latest(topic)) is not None}
-
-
-def follow_run(
-    folder: Path, is_over: Callable[[], bool], begin: Callable[[Tail, RunClient], Turn]
-) -> bool:
-    """Show a run until it has ended, or the viewer has; returns whether the run has ended.
-
-    folder: of the run, which may not have begun. begin: takes its recording, which has its first
-    messages, and the connection to it. Raises RecordingFailed when it does not begin.
-    """
-    with contextlib.ExitStack() as stack:
-        tail = _wait_for(folder, is_over, stack)
-        if tail is None:
-            return False
-        client = RunClient(folder)
-        stack.callback(client.close)
-        turn = begin(tail, client)
-        # The first messages are there.
-        is_new, grown_at = True, time.monotonic()
-        while not is_over() and not tail.is_complete:
-            began = time.monotonic()
-            is_new = tail.poll() or is_new
-            turn(is_new)
-            grown_at = began if is_new else grown_at
-            if client.is_lost and began - grown_at > IDLE_S:
-                # It was killed: what it has recorded is shown.
-                break
-            is_new = False
-            time.sleep(max(0.0, FRAME_S - (time.monotonic() - began)))
-        turn(tail.poll() or is_new)
-        return not is_over()
-
-
-def _wait_for(
-    folder: Path, is_over: Callable[[], bool], stack: contextlib.ExitStack
-) -> Tail | None:
-    """Return the recording of a run as soon as it has messages; None when the viewer has ended."""
-    deadline, path, tail = time.monotonic() + _START_S, folder / layout.RUN_FILE, None
-    while not is_over():
-        if tail is None and path.exists():
-            tail = Tail(path)
-            stack.callback(tail.close)
-        if tail is not None and tail.poll() and tail.last_step >= 0:
-            return tail
-        if tail is not None and tail.is_complete:
-            raise RecordingFailed(f"{path} has no messages; nothing to show")
-        if time.monotonic() > deadline:
-            raise RecordingFailed(f"{folder}: no run has started there for {_START_S:.0f} s")
-        time.sleep(FRAME_S)
-    return None

@@ -72,8 +72,7 @@ class Swept:
         self._parts = []
         for frame, body, pose, half in self._solids:
             placed = poses[frame] @ pose
-            turn = np.array([rotated(placed.wxyz, axis) for axis in _UNITS])
-            reach = half @ np.abs(turn)
+            reach = np.abs(rotation(placed)) @ half
             middle = np.array(placed.position)
             self._parts.append((body, (middle - reach, middle + reach)))
             boxes.setdefault(body, []).append(self._parts[-1][1])
@@ -252,11 +251,4 @@ def moved(points: Floats, pose: Pose) -> Floats:
 
 def rotation(pose: Pose) -> Floats:
     """Return the rotation of a pose as a matrix, shape (3, 3)."""
-    w, x, y, z = pose.wxyz
-    return np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        )
-    )
+    return np.array([rotated(pose.wxyz, axis) for axis in _UNITS]).T

@@ -1,15 +1,12 @@
 """The messages of a port as columns: fields are arrays over time."""
 
-from collections.abc import Mapping, Sequence
-from operator import attrgetter
 from typing import Any
 
 import msgpack
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_schemas import Decoder, Message, MessageError
+from stepbus_schemas import MessageError
 
 _FIRST_INEXACT = 2.0**53
 """Beyond it, floats skip integers."""
@@ -68,76 +65,3 @@ def raw_map(data: bytes) -> dict[str, Any]:
     if not isinstance(fields, dict):
         raise MessageError(f"not a MessagePack map: {type(fields).__name__}")
     return fields
-
-
-_FLOAT = 0xCB
-_FLOAT_BYTES = 9  # with the byte before it that says it is one
-_FIX_MAP, _FIX_ARRAY, _FIX_STR = 0x80, 0x90, 0xA0
-_MOST_FIXED = 15
-_MOST_KEY = 31
-_raw_fields = msgspec.msgpack.Decoder(dict[str, msgspec.Raw]).decode
-
-
-def columns(
-    cls: type[Message], messages: Sequence[bytes], fields: Sequence[str]
-) -> dict[str, Column]:
-    """Return fields of messages of one type.
-
-    Messages that differ in their floats only are read at once. Raises MessageError for a message
-    that is not of its type.
-    """
-    decode = Decoder(cls)
-    first = decode(messages[0]) if messages else None
-    cells = _cells(messages[0]) if messages else None
-    table = None if cells is None else _table(messages, cells)
-    if cells is None or table is None:
-        decoded = list(map(decode, messages))
-        return {field: list(map(attrgetter(field), decoded)) for field in fields}
-    return {
-        field: table.take(cells[field], axis=1).view(">f8")[..., 0].astype(np.float64)
-        if field in cells
-        else [getattr(first, field)] * len(messages)
-        for field in fields
-    }
-
-
-def _cells(message: bytes) -> dict[str, NDArray[np.intp]] | None:
-    """Return where the floats of a small map are; None of any other message.
-
-    Field → the places of the bytes of its number, shape (8,), or of those of its vector, (n, 8).
-    """
-    fields = _raw_fields(message)
-    if not 0 < len(fields) <= _MOST_FIXED or message[0] != _FIX_MAP + len(fields):
-        return None
-    cells, offset, number = {}, 1, np.arange(1, _FLOAT_BYTES)
-    for name, raw in fields.items():
-        key, value = name.encode(), bytes(raw)
-        if len(key) > _MOST_KEY or message[offset] != _FIX_STR + len(key):
-            return None
-        offset += 1 + len(key)
-        count = value[0] - _FIX_ARRAY
-        if value[0] == _FLOAT:
-            cells[name] = offset + number
-        elif (
-            0 < count <= _MOST_FIXED
-            and len(value) == 1 + count * _FLOAT_BYTES
-            and set(value[1::_FLOAT_BYTES]) == {_FLOAT}
-        ):
-            starts = np.arange(offset + 1, offset + len(value), _FLOAT_BYTES)
-            cells[name] = starts[:, np.newaxis] + number
-        offset += len(value)
-    return cells if offset == len(message) else None
-
-
-def _table(
-    messages: Sequence[bytes], cells: Mapping[str, NDArray[np.intp]]
-) -> NDArray[np.uint8] | None:
-    """Return messages as rows of bytes; None when they differ in more than these cells."""
-    length = len(messages[0])
-    if any(len(data) != length for data in messages):
-        return None
-    table = np.frombuffer(b"".join(messages), dtype=np.uint8).reshape(-1, length)
-    is_same = np.ones(length, dtype=bool)
-    for places in cells.values():
-        is_same[places] = False
-    return table if (table[:, is_same] == table[0, is_same]).all() else None

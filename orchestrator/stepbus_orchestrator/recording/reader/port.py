@@ -2,17 +2,18 @@
 
 import contextlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
-from mcap.records import Channel
+from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.index import Index
-from stepbus_orchestrator.recording.reader.columns import Column, array_of, columns, raw_map
+from stepbus_orchestrator.recording.reader.columns import Column, array_of, raw_map
+from stepbus_orchestrator.recording.source import Entry, Row, Source
 from stepbus_orchestrator.scenario.ports import RECORD_ALL
 from stepbus_participant import suggest
 from stepbus_schemas import (
@@ -26,26 +27,24 @@ from stepbus_schemas import (
     declaration_of,
 )
 
-from .source import Entry, Row, Source
-
 BATCH_BYTES = 1024 * 1024
 """Of messages in a batch; decoded they take about ten times as much."""
 _NO_SCHEMA = (ValueError, LookupError, TypeError, AttributeError, RecursionError)
 _LOWEST = "lower"
 
 
-def recorded_types(schemas: Mapping[str, bytes]) -> Types:
-    """Return the types of a recording's schemas, by their names in the file.
+def recorded_types(schemas: Iterable[Schema]) -> Types:
+    """Return the types of a recording's schemas.
 
     One that says no type stays unknown: reading its messages says so.
     """
     types = Types()
-    for name, text in schemas.items():
-        type_name = layout.type_of_schema(name)
+    for schema in schemas:
+        type_name = layout.type_of_schema(schema.name)
         if type_name in MESSAGE_TYPES or type_name in ENVELOPE_TYPES:
             continue
         with contextlib.suppress(WiringError, *_NO_SCHEMA):
-            types |= Types({type_name: declaration_of(type_name, json.loads(text))})
+            types |= Types({type_name: declaration_of(type_name, json.loads(schema.data))})
     return types
 
 
@@ -75,7 +74,8 @@ class PortInfo:
     ) -> None:
         self.topic = channel.topic
         self.participant, self.name = layout.split_topic(channel.topic)
-        self.type = layout.type_of_schema(index.schemas.get(channel.schema_id, ""))
+        schema = index.schemas.get(channel.schema_id)
+        self.type = "" if schema is None else layout.type_of_schema(schema.name)
         self.description = descriptions[channel.topic]
         self.record = channel.metadata.get(layout.RECORD_KEY, RECORD_ALL)
         self._index = index
@@ -283,12 +283,18 @@ class Batch:
         return map(Decoder(self._port.message_class), self._data)
 
     def columns(self, fields: Sequence[str]) -> dict[str, Column]:
-        """Return some fields of its messages."""
-        return columns(self._port.message_class, self._data, fields) if fields else {}
+        """Return some fields of its messages, numbers and vectors of floats as arrays."""
+        messages = list(self.messages()) if fields else []
+        return {name: _column([getattr(message, name) for message in messages]) for name in fields}
 
     def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:
         """Return some fields of its messages, as `Port.arrays` does."""
         return {field: array_of(column) for field, column in self.columns(fields).items()}
+
+
+def _column(values: list[Any]) -> Column:
+    array = array_of(values)
+    return values if array is None or array.dtype.kind != "f" else array
 
 
 def batches(source: Source, ports: Sequence[Port], most_bytes: int) -> Iterator[dict[str, Batch]]:

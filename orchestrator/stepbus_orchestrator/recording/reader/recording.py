@@ -11,11 +11,11 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.plugins import Plot, view
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chains import Holes, messages_sha256
+from stepbus_orchestrator.recording.source import Source
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Message, WiringError
 
 from .port import BATCH_BYTES, Batch, Port, batches, description_of, recorded_types
-from .source import Source
 
 
 class UnknownPort(WiringError, KeyError):
@@ -44,7 +44,7 @@ class Recording:
         self.attachments: Mapping[str, bytes] = index.attachments
         self.scenario: Mapping[str, Any] = index.scenario
         self.metadata: Mapping[str, Mapping[str, str]] = index.metadata
-        self.types = recorded_types(index.schema_texts)
+        self.types = recorded_types(index.schemas.values())
         self._holes: Sequence[str] | None = None
         self.ports: Mapping[str, Port] = self._read_ports()
 
@@ -71,9 +71,12 @@ class Recording:
     @property
     def incomplete(self) -> Mapping[str, int]:
         """Return participant → first step without its outputs, for a failed run."""
-        rows = self.metadata.get(layout.INCOMPLETE_METADATA, {})
-        steps = ((name, layout.step_of(text)) for name, text in rows.items())
-        return {name: step for name, step in steps if step is not None}
+        return self.steps_in(layout.INCOMPLETE_METADATA)
+
+    def steps_in(self, record: str) -> Mapping[str, int]:
+        """Return the steps in a metadata record, by their keys."""
+        rows = self.metadata.get(record, {})
+        return {key: int(text) for key, text in rows.items() if layout.is_step(text)}
 
     @property
     def last_whole_step(self) -> int:

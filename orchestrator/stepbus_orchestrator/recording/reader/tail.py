@@ -46,7 +46,7 @@ class Tail:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.ports: dict[str, PortInfo] = {}
-        self.types: Types = recorded_types({})
+        self.types: Types = recorded_types(())
         self.is_complete = False
         self.t_ns = 0
         self._file = RecordFile(path)
@@ -136,7 +136,7 @@ class Tail:
             is_known = isinstance(record, mcap.Channel) and record.id in channels
             self._index.add(record)
             if isinstance(record, mcap.Schema):
-                self.types = recorded_types(self._index.schema_texts)
+                self.types = recorded_types(self._index.schemas.values())
             elif isinstance(record, mcap.Channel) and not is_known:
                 self._descriptions[record.topic] = Description()
                 with contextlib.suppress(ValueError):

@@ -91,7 +91,7 @@ class Calls(RunExtension):
         session, self._state = run.session, run.state
         self._token = session.token
         self._puts = {
-            spec.name: session.announcer.publisher(f"call/{spec.name}", "Call/1")
+            spec.name: session.publisher(f"call/{spec.name}", "Call/1")
             for spec in session.scenario.participants
         }
         subscribe_named(session, "called/*", self._take_called)
@@ -159,7 +159,7 @@ class Calls(RunExtension):
         if asked.token != self._token:
             self._state.unauthenticated += 1
             return
-        reply = partial(self.run.session.announcer.reply, request)
+        reply = partial(self.run.session.reply, request)
         if asked.participant:
             mistake = self._mistake(asked.participant, asked.method)
             if mistake is not None:

@@ -1,4 +1,4 @@
-"""Turns of the participants that share a process: each works until it has to wait.
+"""Participants that share this process: each works until it has to wait.
 
 A participant waits in exactly one place, a queue of its bus. There it hands the thread back to the
 hub, which gives it to the next one that has something to do. A turn costs under a microsecond,
@@ -7,14 +7,23 @@ where waking another thread or process costs ten and more.
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
+import sys
+import traceback
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from queue import Empty
-from typing import Any
+from typing import Any, TextIO
 
 from greenlet import getcurrent, greenlet
 
-from stepbus_participant import Clock
+from stepbus_orchestrator.processes.activity import NOTHING, Activity
+from stepbus_orchestrator.processes.child import Process
+from stepbus_orchestrator.run.inprocess.turns import TURN, TURNS
+from stepbus_participant import HOST, Bus, Clock, Host, Ticket, append_to
 
 _IDLE_S = 0.01
 """How often a hub with nothing to do checks whether a signal has come [s]."""
@@ -24,30 +33,56 @@ class Late(BaseException):
     """Interrupts a participant that keeps the thread past its deadline."""
 
 
-class Turn:
-    """One participant's share of the thread. It starts at the root's next wait.
+class Ended(BaseException):
+    """Ends a participant whose process would get the signal `number`."""
 
-    A subclass says what it does until its end, and what is done around each turn.
+    def __init__(self, number: int) -> None:
+        super().__init__(f"ended by {signal.Signals(number).name}")
+        self.number = number
+
+
+class HostedParticipant(Process):
+    """A participant that shares this process; it stands where its `Child` would.
+
+    Its first turn comes at the root's next wait.
+
+    log: where it prints, unless it is `shown`: then where we do. program: what it does, and returns
+    an exit code. words, number: the memory of the outside watcher, and which it is there. pid: of
+    this process. late: how it missed a deadline, once it has.
     """
 
-    def __init__(self, hub: Hub) -> None:
+    def __init__(
+        self,
+        hub: Hub,
+        ticket: Ticket,
+        bus: Bus,
+        log: Path,
+        program: Callable[[], int],
+        *,
+        words: memoryview[float],
+        number: int,
+        shown: bool,
+    ) -> None:
+        super().__init__(log)
+        self.name = ticket.name
+        self.pid = os.getpid()
         self.deadline_s: float | None = None
         self.has_expired = False
         self.is_ready = False
-        self.hub = hub
-        self._greenlet = greenlet(self.work)
-        hub.turns.append(self)
+        self._hub = hub
+        self._words = words
+        self._number = number
+        self._program = program
+        self._host = Host(ticket, bus)
+        self._code: int | None = None
+        self._output: TextIO = (
+            sys.stdout if shown else os.fdopen(append_to(self.log), "a", 1, "utf-8", "replace")
+        )
+        self._greenlet = greenlet(self._work)
+        hub.hosted.append(self)
         hub.let_go_on(self)
 
-    def work(self) -> None:
-        """Take part, until the end."""
-        raise NotImplementedError
-
-    def enter(self) -> None:
-        """Begin a turn."""
-
-    def leave(self) -> None:
-        """End a turn."""
+    # --- its turns ------------------------------------------------------------------------
 
     @property
     def is_running(self) -> bool:
@@ -59,62 +94,131 @@ class Turn:
         """Return whether it has come to its end."""
         return bool(self._greenlet.dead)
 
-    def take(self, *raised: BaseException) -> None:
-        """Work until the next wait, or the end; raised: by its wait, to end it."""
-        hub = self.hub
+    def take_turn(self, *raised: BaseException) -> None:
+        """Work until the next wait, or the end; raised: by its wait, to end it.
+
+        Meanwhile, what is printed goes to its log.
+        """
+        hub, words, streams = self._hub, self._words, (sys.stdout, sys.stderr)
         hub.current = self
         self.is_ready, self.deadline_s = False, None
-        self.enter()
+        sys.stdout = sys.stderr = self._output
+        words[TURN] = self._number
+        words[TURNS] += 1
         try:
             if raised:
                 self._greenlet.throw(*raised)
             else:
                 self._greenlet.switch()
         finally:
-            self.leave()
+            words[TURN] = 0
+            sys.stdout, sys.stderr = streams
             hub.current = None
+
+    def _work(self) -> None:
+        """Run the program to its end, and keep its exit code as its process would."""
+        HOST.set(self._host)
+        code = -int(signal.SIGKILL)
+        try:
+            code = self._program()
+        except SystemExit as exc:
+            code = exc.code if isinstance(exc.code, int) else int(exc.code is not None)
+            if code and code is not exc.code:
+                self._print(f"{exc.code}\n")
+        except Ended as exc:
+            code = -exc.number
+        except Late:
+            self._print(traceback.format_exc())
+        except BaseException:  # noqa: BLE001  (whatever ends a program ends its process only)
+            self._print(traceback.format_exc())
+            code = 1
+        finally:
+            self._give_up(code)
+
+    def _print(self, text: str) -> None:
+        # On a full disk its log lacks its last words.
+        with contextlib.suppress(OSError):
+            self._output.write(text)
+
+    def _give_up(self, code: int) -> None:
+        self._host.bus.close()
+        self._code = code
+
+    # --- its process ------------------------------------------------------------------------
+
+    def exit_code(self) -> int | None:
+        """Return its exit code, negative for a signal; None while it takes part."""
+        return self._code
+
+    def activity(self) -> Activity:
+        """Return nothing: it is this process."""
+        return NOTHING
+
+    def signal(self, number: int) -> None:
+        """End it by a signal that would end its process; others do nothing."""
+        if number in {signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV} and self._code is None:
+            try:
+                self._hub.end(self, Ended(number))
+            except Ended:
+                # It had not started.
+                self._give_up(-number)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Return whether it has ended within a time [s]."""
+        self._hub.rest(timeout_s, lambda: self._code is not None)
+        return self._code is not None
+
+    def end(self, grace_s: float = 0.0) -> None:
+        """End it, whatever it waits for."""
+        self.signal(signal.SIGTERM)
+        if self._code is None:
+            # It has caught what should have ended it, and waits again. Nothing will wake it.
+            self._give_up(-signal.SIGKILL)
+        if self._output is not sys.stdout:
+            with contextlib.suppress(OSError):
+                self._output.close()
 
 
 class Hub:
     """Gives the thread to one participant after the other, in the order in which they can go on.
 
-    current: whose turn it is. before: is called before participants get their turns. away: is
-    called where no participant can go on; returns whether one can then.
+    current: whose turn it is. hosted: all participants. before: is called before they get their
+    turns. away: is called where no participant can go on; returns whether one can then.
     Its creator is the root: it gets the thread back where no participant can go on, and when its
     own queue has something.
     """
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
-        self.current: Turn | None = None
+        self.current: HostedParticipant | None = None
         self.before: Callable[[], None] = lambda: None
         self.away: Callable[[], bool] = lambda: False
-        self.turns: list[Turn] = []
-        self._ready: deque[Turn] = deque()
+        self.hosted: list[HostedParticipant] = []
+        self._ready: deque[HostedParticipant] = deque()
         self._root = getcurrent()
 
-    def let_go_on(self, turn: Turn) -> None:
+    def let_go_on(self, hosted: HostedParticipant) -> None:
         """Give a participant its turn behind all that have one already."""
-        if not turn.is_ready:
-            turn.is_ready = True
-            self._ready.append(turn)
+        if not hosted.is_ready:
+            hosted.is_ready = True
+            self._ready.append(hosted)
 
     def queue(self) -> HubQueue:
         """Return a queue whose readers take turns."""
         return HubQueue(self)
 
-    def end(self, turn: Turn, raised: BaseException) -> None:
+    def end(self, hosted: HostedParticipant, raised: BaseException) -> None:
         """End a participant that waits, by what its wait raises."""
-        if turn in self._ready:
-            self._ready.remove(turn)
-        if not turn.is_over:
+        if hosted in self._ready:
+            self._ready.remove(hosted)
+        if not hosted.is_over:
             self.before()
-            turn.take(raised)
+            hosted.take_turn(raised)
 
-    def wait(self, turn: Turn, timeout_s: float | None) -> None:
+    def wait(self, hosted: HostedParticipant, timeout_s: float | None) -> None:
         """Wait in the turn of a participant; its queue, or the time-out, ends that."""
         if timeout_s is not None:
-            turn.deadline_s = self.clock.monotonic() + timeout_s
+            hosted.deadline_s = self.clock.monotonic() + timeout_s
         self._root.switch()
 
     def rest(self, timeout_s: float | None, has_come: Callable[[], bool]) -> None:
@@ -124,7 +228,7 @@ class Hub:
         while True:
             self.before()
             while ready:
-                ready.popleft().take()
+                ready.popleft().take_turn()
             if has_come():
                 return
             if self.away() or self._expire():
@@ -141,13 +245,10 @@ class Hub:
         message is over at once. Later ones take their time, lest two that wait for each other spin.
         """
         now = self.clock.monotonic()
-        for turn in self.turns:
-            if turn.deadline_s is None:
-                continue
-            if not turn.has_expired or now >= turn.deadline_s:
-                turn.has_expired = True
-                self.let_go_on(turn)
-        self.turns = [turn for turn in self.turns if not turn.is_over]
+        for one in self.hosted:
+            if one.deadline_s is not None and (not one.has_expired or now >= one.deadline_s):
+                one.has_expired = True
+                self.let_go_on(one)
         return bool(self._ready)
 
 
@@ -157,7 +258,7 @@ class HubQueue:
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
         self._items: deque[Any] = deque()
-        self._reader: Turn | None = None
+        self._reader: HostedParticipant | None = None
 
     def put(self, item: Any) -> None:
         """Add an item, and let its reader go on."""

@@ -13,10 +13,9 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import Interrupted, StartFailed, argument
-from stepbus_orchestrator.run.extension import RunView
-from stepbus_orchestrator.run.host import Caller, Opening, Strategy
-from stepbus_orchestrator.run.inprocess.hub import Hub
-from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
+from stepbus_orchestrator.run.extension import RunView, Strategy
+from stepbus_orchestrator.run.folder import LOGS_FOLDER
+from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub
 from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
 from stepbus_orchestrator.run.inprocess.turns import MOST, PUBLISHED, STAGE, Stage, Turns
 from stepbus_orchestrator.run.inprocess.watch import Watch
@@ -99,24 +98,21 @@ def _remedy(spec: ParticipantSpec) -> str:
 class LocalRun(Strategy):
     """Hosts all participants in this process; none is played.
 
-    bus: the orchestrator's, whose network the participants join. caller: as of `InProcess`.
+    bus: the orchestrator's, whose network the participants join.
     """
 
-    def __init__(self, opening: Opening, clock: Clock, caller: Caller | None) -> None:
+    def __init__(self, run: RunView, clock: Clock) -> None:
         self.hub = Hub(clock)
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
         self.state: RunState | None = None
-        self.logs = opening.logs
-        self.is_star = opening.is_star
-        folder, specs = opening.scenario.folder, opening.scenario.participants
+        self.logs = run.out / LOGS_FOLDER
+        folder, specs = run.state.scenario.folder, run.state.scenario.participants
         files = [spec.participant.rpartition(":")[0] for spec in specs]
         files = [file for file in files if file.endswith(".py")]
         self.surroundings = Surroundings(folder, files)
         self.memory: Turns
-        self._opening = opening
-        self._caller = caller
-        self._hosted: list[HostedParticipant] = []
+        self._run = run
         self._pid = os.getpid()
         self._handlers: dict[int, Any] = {}
 
@@ -135,8 +131,8 @@ class LocalRun(Strategy):
                     "one process works in the scenario's folder and logs to the run's "
                     "folder"
                 ) from exc
-            is_interrupted = self._opening.interrupt.is_set
-            watch = Watch(self._current, is_interrupted, native_log)
+            is_interrupted = self._run.interrupt.is_set
+            watch = Watch(self.hub, is_interrupted, native_log)
             stack.callback(watch.close)
             stack.callback(self._end_all)
             self.memory = watch.memory
@@ -146,12 +142,10 @@ class LocalRun(Strategy):
                 self._handlers = {
                     n: handler for n, handler in handlers.items() if handler is not None
                 }
-            if self._caller is not None:
-                self._caller.local, self.hub.away = self, self._caller.away
             yield self
 
     def _end_all(self) -> None:
-        for hosted in self._hosted:
+        for hosted in self.hub.hosted:
             hosted.end()
 
     def leave(self) -> None:
@@ -165,11 +159,6 @@ class LocalRun(Strategy):
             self.state.away_s += away_s
 
     # --- who has the thread -----------------------------------------------------------------
-
-    def _current(self) -> HostedParticipant | None:
-        """Return who has the thread of the run, also to other threads."""
-        turn = self.hub.current
-        return turn if isinstance(turn, HostedParticipant) else None
 
     def _before(self) -> None:
         """Note how far the run is, since the orchestrator has had the thread."""
@@ -195,7 +184,7 @@ class LocalRun(Strategy):
         scenario, specs = run.state.scenario, run.state.scenario.participants
         self.memory.begin(
             {
-                "result": self._opening.result().decode(),
+                "result": run.result().decode(),
                 "names": [spec.name for spec in specs],
                 "every": [spec.every for spec in specs],
                 "limits": [_limits(spec.deadlines) for spec in specs],
@@ -207,34 +196,31 @@ class LocalRun(Strategy):
         self.state = run.state
         for spec in specs:
             hosted = self._host(spec, scenario, run.start_options(spec))
-            self._hosted.append(hosted)
             run.started(ParticipantState(spec, hosted))
             run.timing.event("spawn", spec.name, f"in process {hosted.pid}")
 
     def _host(
         self, spec: ParticipantSpec, scenario: Scenario, options: dict[str, Any]
     ) -> HostedParticipant:
-        shown = options.pop("has_terminal", False)
+        shown, make = options.pop("has_terminal", False), options.pop("make", None)
         ticket = Ticket(
-            run=self._opening.run,
+            run=self._run.key,
             name=spec.name,
-            token=self._opening.token,
+            token=self._run.token,
             endpoint=Endpoint(listen=[], connect=["this process"]),
             join_timeout_s=spec.deadlines.join_s,
             protocols=SPOKEN,
             **options,
         )
         number = min(1 + scenario.participants.index(spec), MOST - 1)
-        program = partial(_take_part, spec, scenario.folder)
-        if self._caller is not None and self._caller.name == spec.name:
-            program = partial(main, self._caller.make)
+        program = partial(main, make) if make else partial(_take_part, spec, scenario.folder)
         count = partial(count_steps, self.memory.words, PUBLISHED + number)
         self.bus.subscribe_content(f"out/{spec.name}", count)
         try:
             return HostedParticipant(
                 self.hub,
                 ticket,
-                LoopbackBus(self.bus, self.hub.queue, is_leaf=self.is_star),
+                LoopbackBus(self.bus, self.hub.queue, is_leaf=self._run.is_star),
                 self.logs / f"{spec.name}.log",
                 program,
                 words=self.memory.words,

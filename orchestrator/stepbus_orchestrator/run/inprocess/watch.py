@@ -16,11 +16,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 
-from stepbus_orchestrator.processes.activity import KeptThread
 from stepbus_orchestrator.processes.child import limit_log
 from stepbus_orchestrator.run.inprocess import turn_watchdog, turns
-from stepbus_orchestrator.run.inprocess.hub import Late
-from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
+from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub, Late
 from stepbus_orchestrator.run.inprocess.turn_watchdog import TRACE_SIGNAL
 from stepbus_orchestrator.run.inprocess.turns import INTERRUPTED, LATE, Stage, Turns, make_file
 
@@ -34,17 +32,17 @@ _handling: list["Watch"] = []
 class Watch:
     """Watches the participants of a run, from when it is made until it is closed.
 
-    current: returns who has the thread. is_interrupted: whether the user ends the run. log: kept
+    hub: knows who has the thread. is_interrupted: whether the user ends the run. log: kept
     short, whatever prints. memory: that another process watches: our parent, or else a child.
     """
 
     def __init__(
         self,
-        current: Callable[[], HostedParticipant | None],
+        hub: Hub,
         is_interrupted: Callable[[], bool],
         log: Path,
     ) -> None:
-        self._current = current
+        self._hub = hub
         self._is_interrupted = is_interrupted
         self._log = log
         self._stack = contextlib.ExitStack()
@@ -91,7 +89,7 @@ class Watch:
             limit_log(self._log)
             if self._is_interrupted():
                 self.memory.words[INTERRUPTED] = 1
-            holder = self._current()
+            holder = self._hub.current
             # Signals are handled on the main thread only.
             if not self._is_main and holder is not None and self.memory.words[LATE]:
                 self._note(holder, sys._current_frames().get(self._thread_id))
@@ -100,16 +98,15 @@ class Watch:
 
     def raise_late(self, frame: FrameType | None) -> None:
         """Raise in the midst of a participant that is late, unless it has come back meanwhile."""
-        holder = self._current()
+        holder = self._hub.current
         if self.memory.words[LATE] and holder is not None and holder.is_running:
-            late = self._note(holder, frame)
-            raise Late(f"interrupted after {late.held_s:.1f} s at {late.where}")
+            self._note(holder, frame)
+            raise Late(f"interrupted: {holder.late}")
 
-    def _note(self, holder: HostedParticipant, frame: FrameType | None) -> KeptThread:
+    def _note(self, holder: HostedParticipant, frame: FrameType | None) -> None:
         """Note how a participant is late."""
         held_s, self.memory.words[LATE] = self.memory.words[LATE], 0.0
-        holder.late = KeptThread(held_s, _where(frame))
-        return holder.late
+        holder.late = f"computing for {held_s:.1f} s, at {_where(frame)}"
 
 
 def _raise_late(_number: int, frame: FrameType | None) -> None:

@@ -1,15 +1,10 @@
 """The failures of a run, each with its error: who, at which step, the numbers, what to check."""
 
-from typing import TYPE_CHECKING
-
 from stepbus_orchestrator.errors import ParticipantDied, RunFailure, StartFailed, StepTimeout
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_schemas import reached
 
 from .participants import PHASE_DEADLINES, ParticipantState, Phase
-
-if TYPE_CHECKING:
-    from stepbus_orchestrator.processes.activity import KeptThread
 
 
 def late_to_start(state: RunState, participant: ParticipantState) -> StartFailed:
@@ -135,14 +130,14 @@ def took_nothing(state: RunState, participant: ParticipantState) -> StepTimeout:
     )
 
 
-def kept_thread(state: RunState, participant: ParticipantState, late: "KeptThread") -> RunFailure:
+def kept_thread(state: RunState, participant: ParticipantState) -> RunFailure:
     """Return the failure of a participant that kept the thread it shares past its deadline."""
     is_ready = participant.phase == Phase.READY
     return state.failure(
         StepTimeout if is_ready else StartFailed,
         participant,
         state.owed_step(participant),
-        f"has been computing for {late.held_s:.1f} s, at {late.where}; deadline "
+        f"has been {participant.process.late}; deadline "
         f"{participant.limit('step' if is_ready else 'ready')}; "
         f"{participant.where_it_prints()}",
     )

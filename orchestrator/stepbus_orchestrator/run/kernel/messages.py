@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import msgspec
 
@@ -71,17 +71,6 @@ def _decode_log(data: bytes) -> Log | _WholeLog:
         return _decode_whole_log(data)
     except UNDECODABLE:
         return _decode_raw_log(data)
-
-
-class _Named(Protocol):
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def token(self) -> str: ...
-
-
-_Sent = TypeVar("_Sent", bound=_Named)
 
 
 class MessageHandler:
@@ -161,8 +150,8 @@ class MessageHandler:
             self._timing.event("join", participant.name, f"{hello.language} {hello.sdk}".strip())
 
     def sender(
-        self, decode: Callable[[bytes], _Sent], data: bytes, key_name: str
-    ) -> tuple[ParticipantState, _Sent] | None:
+        self, decode: Callable[[bytes], Any], data: bytes, key_name: str
+    ) -> tuple[ParticipantState, Any] | None:
         """Return the sender of an envelope, and what it holds.
 
         None for one that changes nothing: unauthenticated, which is counted (P3.5), or of a

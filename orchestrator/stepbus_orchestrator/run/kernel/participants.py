@@ -35,8 +35,7 @@ class ParticipantState:
     newest: returns the newest step it was seen to publish, with an observer; −1 elsewhere.
     external: its process, where the user starts it. takes_batches: whether its program takes a
     `Batch` from its sources (P7.6). has_left: whether it has left the bus; all that it published
-    has arrived before. works_on: whether it was ended in the midst of work of its own, behind a run
-    that is complete.
+    has arrived before.
     """
 
     spec: ParticipantSpec
@@ -55,7 +54,6 @@ class ParticipantState:
     drops: Mapping[str, int] = field(default_factory=dict)
     external: "External | None" = None
     has_left: bool = False
-    works_on: bool = False
 
     @property
     def name(self) -> str:

@@ -1,7 +1,6 @@
 """PyBullet, imported without its greeting, and its geometry of poses."""
 
 import ctypes
-import math
 import os
 from importlib import import_module
 from typing import Any
@@ -37,7 +36,7 @@ bullet = _import_pybullet()
 
 
 class BulletGeometry(Geometry):
-    """PyBullet's own geometry: in single precision, but for angles."""
+    """PyBullet's own geometry, in single precision."""
 
     def compose(self, one: Pose, other: Pose) -> Pose:
         """See `Geometry`."""
@@ -53,14 +52,3 @@ class BulletGeometry(Geometry):
         """See `Geometry`."""
         in_world: Point = bullet.rotateVector(orientation, direction)
         return in_world
-
-    def _slerp(self, one: Quaternion, other: Quaternion, share: float) -> Quaternion:
-        orientation: Quaternion = bullet.getQuaternionSlerp(one, other, share)
-        return orientation
-
-    def spin_between(self, one: Quaternion, other: Quaternion, seconds: float) -> Point:
-        """See `Geometry`."""
-        axis, angle = bullet.getAxisAngleFromQuaternion(bullet.getDifferenceQuaternion(one, other))
-        angle = math.remainder(angle, 2 * math.pi)
-        x, y, z = (part * angle / seconds for part in axis)
-        return x, y, z

@@ -1,14 +1,22 @@
-"""PyBullet: the reference, whose recordings have the same bytes on every machine."""
+"""PyBullet: the reference, whose recordings have the same bytes on every machine.
+
+PyBullet 3.2.7 takes an STL written as text for a mesh without triangles: the link has no shape, and
+a camera does not see it. Of a file that is no STL, OBJ or DAE, it says that the URDF cannot be
+loaded.
+"""
 
 import math
-from collections.abc import Iterable, Sequence
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_models import RobotDescription
-from stepbus_participant import installed_version
+from stepbus_models import RobotDescription, urdf_text
+from stepbus_participant import installed_version, scratch_folder
 from stepbus_plant.engine import (
     ANY_BODY,
     ANY_LINK,
@@ -27,8 +35,8 @@ from stepbus_plant.engine import (
     Values,
 )
 from stepbus_plant.engines.bullet import BulletGeometry, bullet
-from stepbus_plant.engines.bullet_meshes import written
 from stepbus_plant.geometry import Array, Geometry, Pose
+from stepbus_plant.meshes import binary_stl, is_text_stl
 from stepbus_schemas import Point, WiringError
 
 # What the engine gives a moving link: collision group, and groups that it collides with.
@@ -37,13 +45,13 @@ _WHITE = (1.0, 1.0, 1.0)
 _NOTHING = 1.0 - 1e-7
 """Depth from which on there is nothing: TinyRenderer rounds its 1 in single precision."""
 _MOST_JOINTS = 127
+_READS = (".stl", ".obj", ".dae")
 
 
 class BulletEngine(Engine):
     """A headless PyBullet client, see `Engine`. client: its number."""
 
     name = "pybullet"
-    draws_in_copies = True
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry: Geometry = BulletGeometry()
@@ -344,6 +352,25 @@ class BulletEngine(Engine):
         colours = np.reshape(np.asarray(rgba, dtype=np.uint8), (height, width, 4))[..., :3]
         buffer = np.asarray(depth, dtype=np.float64)
         return colours, np.where(buffer < _NOTHING, buffer, 1.0)
+
+
+@contextmanager
+def written(robot: RobotDescription) -> Iterator[Path]:
+    """Provide the file of a robot that PyBullet reads, as a context manager.
+
+    Raises WiringError for a mesh that cannot be read.
+    """
+    shapes = (s for link in robot.links.values() for s in (*link.visuals, *link.collisions))
+    meshes = {shape.mesh: Path(shape.mesh) for shape in shapes if shape.kind == "mesh"}
+    with tempfile.TemporaryDirectory(prefix="stepbus-urdf-", dir=scratch_folder()) as folder:
+        copies: dict[str, Path] = {}
+        for file, path in meshes.items():
+            if path.suffix.lower() not in _READS or is_text_stl(path):
+                copies[file] = Path(folder) / f"{len(copies)}.stl"
+                copies[file].write_bytes(binary_stl(file))
+        urdf = Path(folder) / "robot.urdf"
+        urdf.write_bytes(urdf_text(robot, meshes=copies).encode())
+        yield urdf
 
 
 def _contacts(rows: Iterable[Any]) -> list[Contact]:

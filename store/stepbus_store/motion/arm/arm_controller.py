@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from stepbus_kinematics import SelfCollisions, delay_warning, make_smoother
+from stepbus_kinematics import SelfCollisions
 from stepbus_participant import Config, Participant, Ports, Step, installed_version
 from stepbus_schemas import (
     ControllerStatus,
@@ -13,12 +13,9 @@ from stepbus_schemas import (
 )
 from stepbus_store.motion.arm.params import Params
 from stepbus_store.motion.executor import GoalExecutor
-from stepbus_store.motion.manipulator.settings import (
-    make_limits,
-    make_robot,
-    searching_manipulator,
-)
-from stepbus_store.motion.outcome import JointReading, JointSensor, Measured
+from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.manipulator.settings import make_limits, make_manipulator, make_robot
+from stepbus_store.motion.outcome import JointSensor, Measured
 from stepbus_store.motion.parts import Parts
 
 
@@ -27,8 +24,7 @@ class ArmController(Participant):
 
     Inputs: one JointState/1 and one Goal/1. Outputs: one JointCommand/1 of mode position with
     feed-forward velocity at every step; one GoalStatus/1 whenever the status changes; optionally,
-    one ControllerStatus/1, and one JointState/1 with the smoothed measurements. A goal starts when
-    its id differs from the previous one.
+    one ControllerStatus/1. A goal starts when its id differs from the previous one.
 
     The plant's effort limits decide whether a pose can be held. Parameters: see `Params`.
     """
@@ -41,8 +37,7 @@ class ArmController(Participant):
         self._command_port = ports.output_of("JointCommand/1")
         self._goal_status_port = ports.output_of("GoalStatus/1")
         self._status_port = ports.optional_output_of("ControllerStatus/1")
-        self._smoothed_port = ports.optional_output_of("JointState/1")
-        ports.outputs_are("JointCommand/1", "GoalStatus/1", "ControllerStatus/1", "JointState/1")
+        ports.outputs_are("JointCommand/1", "GoalStatus/1", "ControllerStatus/1")
         self._period = config.every * config.step_ns * 1e-9
         params = self._params = config.read(Params, ports.problems)
         problems = config.problems().below(("params",))
@@ -53,22 +48,14 @@ class ArmController(Participant):
                 ("srdf",), lambda: SelfCollisions(self._robot, srdf, margin)
             )
         problems.refuse()
-        smoothing = (params.smoothing, params.time_constant, params.window)
-        self._smoother = make_smoother(*smoothing, self._period)
-        self._reading: JointReading | None = None
+        self._now: Measured | None = None
         self._goal_id = -1
 
     def describe(self) -> Mapping[str, Description]:
-        """Return the joints in the order of the commands, and the delay of smoothing."""
+        """Return the joints in the order of the commands."""
         names = [self._params.prefix + joint for joint in self._robot.joints]
-        described = {self._command_port: Description(names=names)}
-        if self._status_port is not None:
-            described[self._status_port] = Description(names=names)
-        if self._smoothed_port is not None:
-            delay_s = self._smoother.delay if self._smoother is not None else 0.0
-            delay = [f"{delay_s * 1e3:.1f} ms"] * len(names)
-            described[self._smoothed_port] = Description(names=names, details={"delay": delay})
-        return described
+        ports = (self._command_port, self._status_port)
+        return {port: Description(names=names) for port in ports if port is not None}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Map the joints by name and take the plant's effort limits.
@@ -77,18 +64,16 @@ class ArmController(Participant):
         """
         params, robot, port = self._params, self._robot, self._state_port
         self._sensor = JointSensor(
-            port,
-            inputs[port],
-            robot,
-            period=self._period,
-            prefix=params.prefix,
-            smoother=self._smoother,
+            port, inputs[port], robot, period=self._period, prefix=params.prefix
         )
-        self._manipulator = searching_manipulator(
+        self._manipulator = make_manipulator(
             robot,
             make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
             params,
-            period=self._period,
+            # It stops within the limits of its motions.
+            ManipulatorOptions(
+                period=self._period, tip="", effort_share=1.0, brake_acceleration=0, brake_jerk=0
+            ),
             seed=self.config.seed,
             collisions=self._collisions,
             tries_unholdable=params.not_holdable == "try",
@@ -99,8 +84,8 @@ class ArmController(Participant):
         """Return the targets of this step, and what is new about the goal."""
         if step.is_new(self._state_port):
             self._sense(step)
-        reading = self._reading
-        if reading is None:
+        now = self._now
+        if now is None:
             return {}
         goal = step.get(self._goal_port, Goal)
         if goal is not None and goal.id != self._goal_id:
@@ -111,24 +96,20 @@ class ArmController(Participant):
         status = self._executor.reports.next_status()
         if status is not None:
             messages[self._goal_status_port] = status
-        warnings = delay_warning(self._smoother) if step.index == 0 else []
-        warnings += self._executor.reports.take_warnings()
         if self._status_port is not None:
-            error: list[float] = (target.position - reading.position).tolist()
+            error: list[float] = (target.position - now.q).tolist()
             messages[self._status_port] = ControllerStatus(
-                error=error, saturated=[False] * len(error), warnings=warnings
+                error=error,
+                saturated=[False] * len(error),
+                warnings=self._executor.reports.take_warnings(),
             )
-        if self._smoothed_port is not None:
-            q, v = reading.q.tolist(), reading.v.tolist()
-            messages[self._smoothed_port] = JointState(position=q, velocity=v)
         return messages
 
     def _sense(self, step: Step) -> None:
-        reading = self._sensor.read(step.read(self._state_port, JointState))
-        now = Measured(q=reading.q, v=reading.v)
-        if self._reading is None:
+        now = self._sensor.read(step.read(self._state_port, JointState))
+        if self._now is None:
             self._executor.hold(now)
-        self._reading = reading
+        self._now = now
         self._executor.check(now, step.t, self._period)
 
     def versions(self) -> Mapping[str, str]:

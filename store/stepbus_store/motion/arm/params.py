@@ -1,11 +1,8 @@
 """The parameters of a controller that carries out goals of an arm."""
 
-from collections.abc import Iterator
 from typing import Literal
 
-from stepbus_kinematics import Smoothing, smoothing_problems
-from stepbus_participant import Count, File, NonNegative, Positive, PositivePerJoint, each
-from stepbus_participant.parameters import Keys
+from stepbus_participant import File, NonNegative, PositivePerJoint, each
 from stepbus_store.motion.joint_params import JointParams
 
 
@@ -26,14 +23,3 @@ class Params(JointParams):
     """Smallest distance between two links [m]."""
     not_holdable: Literal["refuse", "try"] = "refuse"
     """How to treat poses that the motors cannot hold."""
-    smoothing: Smoothing = "none"
-    """Filter of the measurements. The status reports its delay."""
-    time_constant: Positive | None = None
-    """Time constant τ of the low-pass filter [s]; with `smoothing: low_pass`, and only then."""
-    window: Count | None = None
-    """Window of the moving average and of the Savitzky-Golay filter, and only of these: an odd
-    number of samples, at least 3 or 5."""
-
-    def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield contradictions between the filter and its parameters."""
-        yield from smoothing_problems(self.smoothing, self.time_constant, self.window)

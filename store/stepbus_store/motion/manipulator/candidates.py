@@ -1,7 +1,6 @@
 """What a goal wants of the arm, in the robot's base, and the joint positions that would do it."""
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +14,7 @@ from stepbus_schemas import BaseState, Goal, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.follow import JointPath, follow, line
-from stepbus_store.motion.ik_search import InverseKinematics, Solution
+from stepbus_store.motion.ik_search import Solution
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.outcome import FARTHEST, Refused
 from stepbus_store.motion.spiral import SpiralPlanner
@@ -108,11 +107,43 @@ class Candidate:
         return float(np.abs(self.target - q).max()) < _AT_ONCE
 
 
-class CandidateFinder(ABC):
-    """Turns goals of an arm into candidates, the nearest first."""
+_FARTHER = 1.5
+"""By how much farther than the nearest solution the arm goes beside a base that drives [rad]."""
 
-    def __init__(self, robot: RobotModel) -> None:
+
+def about_as_near(candidates: Iterator[Candidate], rest: Vector) -> Iterator[Candidate]:
+    """Yield candidates that are little farther from rest than the first one, shape (n,) [rad]."""
+    nearest: float | None = None
+    for candidate in candidates:
+        away = float(np.linalg.norm(candidate.target - rest))
+        nearest = away if nearest is None else nearest
+        if away > nearest + _FARTHER:
+            return
+        yield candidate
+
+
+class CandidateFinder:
+    """Turns goals of an arm into candidates, the nearest first; a planner or router checks them.
+
+    collisions: of the robot with itself on lines and spirals; None: not checked. tries_unholdable:
+    what the motors cannot hold is a candidate, too.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        solver: BranchSolver,
+        options: ManipulatorOptions,
+        collisions: SelfCollisions | None = None,
+        *,
+        tries_unholdable: bool = False,
+    ) -> None:
         self.robot = robot
+        self._solver = solver
+        self._options = options
+        self._spirals = SpiralPlanner(robot, solver, options.turn_radius)
+        self._collisions = collisions
+        self._tries_unholdable = tries_unholdable
 
     def candidates(
         self, goal: Goal, rest: Vector, q: Vector, base: BaseState
@@ -122,18 +153,19 @@ class CandidateFinder(ABC):
         Raises Refused for a goal of another part, and where there is no candidate; RunError for an
         unknown frame.
         """
-        match goal.type:
-            case "move_joints":
-                yield self.from_joints(*target_joints(goal, self.robot, rest))
-            case "move_to_pose":
-                self._check_tip(goal.tip)
-                yield from self.from_pose(goal.tip, self._target(goal, q, base), rest)
-            case "spiral":
-                self._check_tip(goal.tip)
-                frame = frame_in_base(self.robot, q, base, goal.frame)
-                yield from self.from_spiral(goal, frame, frame * target_pose(goal), rest)
-            case _:
-                raise _unsupported(goal)
+        if goal.type == "move_joints":
+            target, named = target_joints(goal, self.robot, rest)
+            yield self._accepted(self._solver.search.judge(target, named))
+            return
+        if goal.type not in {"move_to_pose", "spiral"}:
+            raise Refused(Cause.INVALID, f"this arm has no goals of type {goal.type}")
+        self._check_tip(goal.tip)
+        frame = frame_in_base(self.robot, q, base, goal.frame)
+        target_in_base = frame * target_pose(goal)
+        if goal.type == "spiral":
+            yield from self._around(goal, frame, target_in_base, rest)
+        else:
+            yield from self._at_pose(goal.tip, target_in_base, rest)
 
     def line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> JointPath | None:
         """Return the joints along a straight path of the tip; None: the tip is there already.
@@ -141,67 +173,32 @@ class CandidateFinder(ABC):
         Raises Refused where the joints cannot follow it.
         """
         self._check_tip(goal.tip)
-        return self.from_line(goal, self._target(goal, q, base), rest)
-
-    def _target(self, goal: Goal, q: Vector, base: BaseState) -> Any:
-        return frame_in_base(self.robot, q, base, goal.frame) * target_pose(goal)
+        target = frame_in_base(self.robot, q, base, goal.frame) * target_pose(goal)
+        start = self.robot.frame_pose(rest, goal.tip)
+        if not start.isApprox(target):
+            # An end that is out of reach is refused with the numbers of how far it is, before a
+            # path of very many poses is laid out to it.
+            self._solver.solve(goal.tip, target, rest)
+        path = line(start, target, self._options.turn_radius)
+        if not path:
+            return None
+        joints = follow(self.robot, goal.tip, path, rest)
+        check_path(joints, self._collisions, leaves=True)
+        return joints
 
     def _check_tip(self, tip: str) -> None:
         if not self.robot.chain(tip).size:
             raise RunError(f"no joint of this controller moves tip {tip!r}")
 
-    @abstractmethod
-    def from_joints(self, target: Vector, named: Indices) -> Candidate:
-        """Return joint positions as a candidate; named: joints that the goal names."""
-
-    @abstractmethod
-    def from_pose(self, tip: str, target: Any, rest: Vector) -> Iterator[Candidate]:
-        """Return the candidates for a pose of the tip in the robot's base."""
-
-    def from_spiral(self, goal: Goal, frame: Any, target: Any, rest: Vector) -> Iterator[Candidate]:
-        """Return the candidates for a spiral, in the frame of the goal."""
-        raise _unsupported(goal)
-
-    def from_line(self, goal: Goal, target: Any, rest: Vector) -> JointPath | None:
-        """Return the joints along a straight path to a pose in the robot's base."""
-        raise _unsupported(goal)
-
-
-def _unsupported(goal: Goal) -> Refused:
-    return Refused(Cause.INVALID, f"this arm has no goals of type {goal.type}")
-
-
-class BranchCandidates(CandidateFinder):
-    """All solutions of the inverse kinematics; obstacles are the planner's business.
-
-    collisions: of the robot with itself on lines and spirals; None: not checked.
-    """
-
-    def __init__(
-        self, robot: RobotModel, options: ManipulatorOptions, solver: BranchSolver,
-        spirals: SpiralPlanner, collisions: SelfCollisions | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__(robot)
-        self._collisions = collisions
-        self._options = options
-        self._solver = solver
-        self._spirals = spirals
-
-    def from_joints(self, target: Vector, named: Indices) -> Candidate:
-        """See `CandidateFinder`."""
-        load = self.robot.overload(target)
-        if load is not None:
-            raise Refused(Cause.NOT_HOLDABLE, f"not holdable: {load}")
-        return Candidate(target=target)
-
-    def from_pose(self, tip: str, target: Any, rest: Vector) -> Iterator[Candidate]:
-        """See `CandidateFinder`."""
+    def _at_pose(self, tip: str, target: Any, rest: Vector) -> Iterator[Candidate]:
+        if not self._solver.chain(tip).solves:
+            yield self._accepted(self._solver.search.solve(tip, target, rest))
+            return
         solutions = self._solver.solve(tip, target, rest)
         for number, q in enumerate(solutions, 1):
             yield Candidate(target=q, text=f"solution {number} of {len(solutions)}")
 
-    def from_spiral(self, goal: Goal, frame: Any, target: Any, rest: Vector) -> Iterator[Candidate]:
-        """See `CandidateFinder`."""
+    def _around(self, goal: Goal, frame: Any, target: Any, rest: Vector) -> Iterator[Candidate]:
         problem: Refused | None = None
         works = False
         for solution in self._spirals.solve(goal, frame, target, rest):
@@ -216,19 +213,12 @@ class BranchCandidates(CandidateFinder):
         if not works and problem is not None:
             raise problem
 
-    def from_line(self, goal: Goal, target: Any, rest: Vector) -> JointPath | None:
-        """See `CandidateFinder`."""
-        start = self.robot.frame_pose(rest, goal.tip)
-        if not start.isApprox(target):
-            # An end that is out of reach is refused with the numbers of how far it is, before a
-            # path of very many poses is laid out to it.
-            self._solver.solve(goal.tip, target, rest)
-        path = line(start, target, self._options.turn_radius)
-        if not path:
-            return None
-        joints = follow(self.robot, goal.tip, path, rest, self._options.singular_below)
-        check_path(joints, self._collisions, leaves=True)
-        return joints
+    def _accepted(self, solution: Solution) -> Candidate:
+        holds = solution.verdict == "reached"
+        if not holds and not (self._tries_unholdable and solution.verdict == "not_holdable"):
+            raise Refused(Cause(solution.verdict), str(solution))
+        text = "" if holds else str(solution)
+        return Candidate(target=solution.q, text=text, holds=holds)
 
 
 def check_path(path: JointPath, collisions: SelfCollisions | None, *, leaves: bool = False) -> None:
@@ -247,31 +237,3 @@ def check_path(path: JointPath, collisions: SelfCollisions | None, *, leaves: bo
         if pair is not None and pair != known:
             text = f"{pair[0]} would touch {pair[1]} after {u - path.u[0]:.3f} m of the path"
             raise Refused(Cause.IN_COLLISION, text)
-
-
-class SearchedCandidates(CandidateFinder):
-    """The best solution of a search that checks for self-collisions.
-
-    tries_unholdable: poses that the motors cannot hold are candidates, too.
-    """
-
-    def __init__(
-        self, robot: RobotModel, ik: InverseKinematics, *, tries_unholdable: bool = False
-    ) -> None:
-        super().__init__(robot)
-        self._ik = ik
-        self._tries_unholdable = tries_unholdable
-
-    def from_joints(self, target: Vector, named: Indices) -> Candidate:
-        """See `CandidateFinder`."""
-        return self._accepted(self._ik.judge(target, named))
-
-    def from_pose(self, tip: str, target: Any, rest: Vector) -> Iterator[Candidate]:
-        """See `CandidateFinder`."""
-        yield self._accepted(self._ik.solve(tip, target, rest))
-
-    def _accepted(self, solution: Solution) -> Candidate:
-        holds = solution.verdict == "reached"
-        if not holds and not (self._tries_unholdable and solution.verdict == "not_holdable"):
-            raise Refused(Cause(solution.verdict), str(solution))
-        return Candidate(target=solution.q, text=str(solution), holds=holds)

@@ -4,37 +4,43 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
-from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, RunError
+from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point, RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.fitting import fitted
+from stepbus_store.motion.fitting import all_fitted, fitted
 from stepbus_store.motion.follow import joint_path
 from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator.candidates import Candidate, CandidateFinder
+from stepbus_store.motion.manipulator.back_off_path import BackOffPath
+from stepbus_store.motion.manipulator.candidates import (
+    Candidate,
+    CandidateFinder,
+    about_as_near,
+)
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.planner_search import (
     PlannerQueries,
     PlannerSearch,
     refusal_of,
 )
-from stepbus_store.motion.manipulator.routes import DetourRouter, DirectRouter
-from stepbus_store.motion.manipulator.segments import (
-    BackOffPath,
-    Beside,
-    SegmentFitter,
-    about_as_near,
-)
+from stepbus_store.motion.manipulator.routes import DetourRouter
 from stepbus_store.motion.outcome import Outcome, Refused
 from stepbus_store.motion.player import MotionPlayer, planned
 from stepbus_store.motion.trajectory import AlongPath, Rest, Trajectory
 
 from .links import Links
 from .settling import JamWatch, SettleWatch
+
+_MOST_CANDIDATES = 4
+"""Solutions that are tried."""
+
+_BACK_OFF_SHARE = 0.3
+"""Share of the largest velocity at which the arm backs off."""
 
 
 class Manipulator:
@@ -55,7 +61,7 @@ class Manipulator:
         settling: JointParams,
         options: ManipulatorOptions,
         *,
-        router: DirectRouter | DetourRouter | None = None,
+        router: DetourRouter | None = None,
         collisions: SelfCollisions | None = None,
     ) -> None:
         robot = finder.robot
@@ -66,17 +72,7 @@ class Manipulator:
         self._settling = settling
         self._options = options
         self._router = router
-        self._segments = SegmentFitter(robot, limits, options.tip_limits, options.effort_share)
-        self._player = MotionPlayer(
-            robot,
-            limits,
-            period=options.period,
-            brake_acceleration=options.brake_acceleration,
-            brake_jerk=options.brake_jerk,
-            tip=options.tip,
-            grip_acceleration=options.grip_acceleration,
-            collisions=collisions,
-        )
+        self._player = MotionPlayer(robot, limits, options, collisions)
         self._queries = PlannerQueries(options.plan_timeout)
         self._jam = JamWatch(robot, options.jam_lag, options.period)
         self._settle: SettleWatch | None = None
@@ -89,7 +85,7 @@ class Manipulator:
         self._backs_off = False
         self._keeps_held = False
         self._ready: tuple[list[Trajectory], PlannerSearch] | None = None
-        self._beside = Beside()
+        self._bases: Sequence[Point] = ()
         self._began_at = 0.0
         self.took: float | None = None
         """How long the last motion took, once it is over [s]."""
@@ -157,17 +153,18 @@ class Manipulator:
         t: float,
         *,
         held: str = "",
-        beside: Beside | None = None,
+        bases: Sequence[Point] = (),
     ) -> str:
         """Start a goal and return a sentence for its status; the one before is forgotten.
 
-        q: measured. base: odometry. held: link of the world in the gripper. beside: the base moves
-        meanwhile. Raises Refused for a goal that cannot be carried out; then the arm comes to rest.
+        q: measured. base: odometry. held: link of the world in the gripper. bases: poses of a base
+        that drives at which the path has to be free; then the arm waits for `release`. Raises
+        Refused for a goal that cannot be carried out; then the arm comes to rest.
         """
         now = self._player.catch_up(t)
         self._route = None
         self._forget()
-        self._beside = beside or Beside()
+        self._bases = bases
         self._tip = (goal.tip or self._options.tip) if self._options.tip else ""
         try:
             if not (math.isfinite(goal.duration) and goal.duration >= 0):
@@ -189,7 +186,7 @@ class Manipulator:
 
     def release(self) -> None:
         """Move along the path that is known, or as soon as it is."""
-        self._beside = Beside()
+        self._bases = ()
         ready, self._ready = self._ready, None
         if ready is not None:
             self._follow(*ready)
@@ -222,7 +219,7 @@ class Manipulator:
             self._fail(self._queries.try_next(search, exc, t))
             return
         self._queries.cancel()
-        if self._beside.waits:
+        if self._bases:
             self._ready = (parts, search)
         else:
             self._follow(parts, search)
@@ -245,10 +242,19 @@ class Manipulator:
     def _parts(self, plan: Plan, search: PlannerSearch) -> list[Trajectory]:
         """Return the motions of an answered search; raises Refused."""
         candidate = search.candidate
-        parts = self._segments.along(candidate)
+        parts = self._along(candidate)
         if not candidate.is_at(search.rest):
             parts.insert(0, planned(plan, search.rest, candidate.target, self._robot))
-        return self._segments.fitted(parts, search.goal.duration)
+        return self._fitted(parts, search.goal.duration)
+
+    def _along(self, candidate: Candidate) -> list[Trajectory]:
+        return [AlongPath(path, self._options.tip_limits) for path in candidate.paths]
+
+    def _fitted(self, parts: list[Trajectory], duration: float) -> list[Trajectory]:
+        share = self._options.effort_share
+        return all_fitted(
+            parts, self._robot, self._limits, effort_share=share, least_duration=duration
+        )
 
     def replan(self, t: float, *, touches: bool = False) -> None:
         """Come to rest as fast as the motors can, and ask for another path to the same goal.
@@ -298,7 +304,7 @@ class Manipulator:
         rest = self._brake(now, hard=True, touches=True)
         points, length = self._behind.take(rest, distance)
         slow = MotionLimits.of_one(
-            self._options.back_off_share * float(self._limits.velocity.min()),
+            _BACK_OFF_SHARE * float(self._limits.velocity.min()),
             float(self._limits.acceleration.min()),
             float(self._limits.jerk.min()),
         )
@@ -344,40 +350,42 @@ class Manipulator:
     # From a goal to a motion
 
     def _begin(self, goal: Goal, now: JointMotion, q: Vector, base: BaseState, held: str) -> str:
+        rest = self._brake(now)
         if goal.type == "move_linear":
-            return self._line(goal, self._brake(now), q, base, held)
-        rest = now.position if self._router is not None else self._brake(now)
+            return self._line(goal, rest, q, base, held)
         solutions = self._finder.candidates(goal, rest, q, base)
-        if self._beside.bases:
+        if self._bases:
             # Later, while the base stands, the arm may go the short way.
             solutions = about_as_near(solutions, rest)
-        candidates = itertools.islice(solutions, self._options.most_candidates)
+        candidates = itertools.islice(solutions, _MOST_CANDIDATES)
         if self._router is None:
             return self._search(goal, held, rest, candidates)
-        route = self._router.route(now, candidates, goal.duration)
-        self._start(route.trajectory)
-        self.caution = "" if route.candidate.holds else Cause.NOT_HOLDABLE
-        return route.text
+        candidate, motions = self._router.route(rest, candidates, goal.duration)
+        parts = [*motions, *self._fitted(self._along(candidate), 0.0)]
+        self._then(parts)
+        self.caution = "" if candidate.holds else Cause.NOT_HOLDABLE
+        seconds = sum(part.duration for part in parts)
+        text = f"{seconds:.2f} s of motion in {len(parts)} parts"
+        return f"{candidate.text or 'reached'}; {text}"
 
     def _line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:
         path = self._finder.line(goal, rest, q, base)
         if path is None:
             self._then([Rest(rest)])
             return "the tip is there already"
-        parts = self._segments.fitted([self._segments.timed(path)], goal.duration)
+        candidate = Candidate(target=rest, paths=(path,))
+        parts = self._fitted(self._along(candidate), goal.duration)
         ends = (self._robot.frame_pose(path.q[i], goal.tip).translation for i in (0, -1))
         length = float(np.linalg.norm(np.subtract(*ends)))
         text = f"straight path of {length:.3f} m; {parts[0].duration:.2f} s of motion"
         if self._router is not None:
             self._then(parts)
             return text
-        return self._search(
-            goal, held, rest, iter([Candidate(target=rest, paths=(path,), text=text)])
-        )
+        return self._search(goal, held, rest, iter([replace(candidate, text=text)]))
 
     def _search(self, goal: Goal, held: str, rest: Vector, candidates: Iterator[Candidate]) -> str:
-        bases = self._beside.bases
-        search = self._queries.make(goal, held, rest, candidates, self._player.clock.t, bases=bases)
+        t = self._player.clock.t
+        search = self._queries.make(goal, held, rest, candidates, t, bases=self._bases)
         candidate = search.candidate
         if candidate.is_at(rest) and not candidate.paths:
             self._then([Rest(rest)])
@@ -396,18 +404,13 @@ class Manipulator:
         self._settle, self._verdict = None, None
         self._blocked, self._route_ends, self.caution = "", 0.0, ""
         self._backs_off = False
-        self._ready, self._beside = None, Beside()
+        self._ready, self._bases = None, ()
 
     def _brake(self, now: JointMotion, *, hard: bool = False, touches: bool = False) -> Vector:
         self._backs_off = False
         holds = self._queries.load > 0.0 and not touches
         self._keeps_held = hard and holds
         return self._player.brake(now, hard=hard, holds=holds)
-
-    def _start(self, trajectory: Trajectory) -> None:
-        self._keeps_held = False
-        self._player.start(trajectory)
-        self._watch()
 
     def _then(self, parts: list[Trajectory]) -> None:
         self._keeps_held = False

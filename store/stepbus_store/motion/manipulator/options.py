@@ -13,14 +13,10 @@ class ManipulatorOptions:
     period: between two commands [s]. tip: frame whose path counts when the arm backs off, and whose
     error is reported; empty: errors of joints only. tip_velocity, tip_acceleration, tip_jerk: of
     lines and spirals [m/s, m/s², m/s³]. tip_turning: fastest turn of the tip [rad/s].
-    plan_timeout: for the planner's answer [s of simulation]. most_candidates: solutions that are
-    tried. singular_below: smallest singular value of the tip's Jacobian that is accepted.
-    effort_share: of the effort limits that motions may need. raise_by, most_raises: of the points
-    of a spiral that are out of reach [m]. back_off_share: of the largest velocity, when the arm
-    backs off. brake_acceleration, brake_jerk: of the hardest stop; the limits of the motion where
-    they are larger [rad/s², rad/s³]. grip_acceleration: of the tip in a stop while the gripper
-    holds something, unless the robot touches something: harder, it would swing out of the pads
-    [m/s²]. jam_lag: a joint that is further behind its command is jammed [rad, m].
+    plan_timeout: for the planner's answer [s of simulation]. effort_share: of the effort limits
+    that motions may need. brake_acceleration, brake_jerk: of the hardest stop; the limits of the
+    motion where they are larger [rad/s², rad/s³]. jam_lag: a joint that is further behind its
+    command is jammed [rad, m].
     """
 
     period: float
@@ -30,15 +26,9 @@ class ManipulatorOptions:
     tip_jerk: float = 5.0
     tip_turning: float = 1.0
     plan_timeout: float = 5.0
-    most_candidates: int = 4
-    singular_below: float = 0.01
     effort_share: float = 0.9
-    raise_by: float = 0.05
-    most_raises: int = 10
-    back_off_share: float = 0.3
     brake_acceleration: float = 15.0
     brake_jerk: float = 1000.0
-    grip_acceleration: float = 6.0
     jam_lag: float = math.inf
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import msgspec
 
@@ -26,11 +27,11 @@ from stepbus_store.cause import Cause
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
-from stepbus_store.motion.manipulator.settings import branching_manipulator
+from stepbus_store.motion.manipulator.settings import make_manipulator
 from stepbus_store.motion.mobile.mobile_settings import MobileSettings
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.navigator import Navigator
-from stepbus_store.motion.outcome import JointReading, JointSensor, Measured
+from stepbus_store.motion.outcome import JointSensor, Measured
 from stepbus_store.motion.parts import Parts
 
 
@@ -52,7 +53,7 @@ class MobileController(Participant):
         self.settings = MobileSettings(config)
         self._ports = self.settings.ports
         self._period = config.every * config.step_ns * 1e-9
-        self._reading: JointReading | None = None
+        self._is_held = False
         self._goal_id = -1
 
     def describe(self) -> Mapping[str, Description]:
@@ -69,13 +70,9 @@ class MobileController(Participant):
         """
         settings, port = self.settings, self._ports.joint_state
         self._sensor = JointSensor(
-            port,
-            inputs[port],
-            settings.robot,
-            period=self._period,
-            prefix=settings.params.prefix,
+            port, inputs[port], settings.robot, period=self._period, prefix=settings.params.prefix
         )
-        self._arm = branching_manipulator(
+        self._arm = make_manipulator(
             settings.robot,
             settings.limits,
             settings.params,
@@ -92,7 +89,6 @@ class MobileController(Participant):
                 self._arm.next_request_id,
                 settings.arm.plan_timeout,
                 settings.avoidance.replans,
-                step=settings.params.base_step,
             )
         self._executor = GoalExecutor(
             Parts(
@@ -109,10 +105,10 @@ class MobileController(Participant):
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the commands of this step, and what is new about the goal."""
-        is_first = self._reading is None
         now = self._sense(step)
-        if now is None or self._reading is None:
+        if now is None:
             return {}
+        is_first, self._is_held = not self._is_held, True
         stop = step.get(self._ports.stop, EmergencyStop) if self._ports.stop else None
         is_stopped = stop is not None and stop.active
         if is_first:
@@ -126,7 +122,7 @@ class MobileController(Participant):
         if goal is not None and goal.id != self._goal_id:
             self._goal_id = goal.id
             self._executor.start(goal, step.t)
-        return self._messages(step, self._reading, is_stopped=is_stopped)
+        return self._messages(step, now, is_stopped=is_stopped)
 
     def _sense(self, step: Step) -> Measured | None:
         """Return the measurements of this step; None: some inputs have not come yet."""
@@ -136,13 +132,12 @@ class MobileController(Participant):
         gripper = step.get(ports.gripper_state, GripperState)
         if joints is None or base is None or gripper is None:
             return None
-        self._reading = self._sensor.read(joints)
+        arm = self._sensor.read(joints)
         contacts = step.get(ports.contacts, Contacts) if ports.contacts is not None else None
         if contacts is not None and self.settings.params.prefix:
             contacts = _named_without(self.settings.params.prefix, contacts)
-        q, v, effort = self._reading.q, self._reading.v, self._reading.effort
-        _check(self._reading, base, gripper)
-        return Measured(q=q, v=v, effort=effort, base=base, gripper=gripper, contacts=contacts)
+        _check(arm, base, gripper)
+        return replace(arm, base=base, gripper=gripper, contacts=contacts)
 
     def _take_plan(self, step: Step) -> None:
         if self._ports.plan is None or not step.is_new(self._ports.plan):
@@ -155,9 +150,7 @@ class MobileController(Participant):
             if self._navigator is not None:
                 self._navigator.take_plan(plan)
 
-    def _messages(
-        self, step: Step, reading: JointReading, *, is_stopped: bool
-    ) -> dict[str, Message]:
+    def _messages(self, step: Step, now: Measured, *, is_stopped: bool) -> dict[str, Message]:
         ports, target = self._ports, self._arm.at(step.t)
         messages: dict[str, Message] = {}
         if not is_stopped:
@@ -173,7 +166,7 @@ class MobileController(Participant):
         if request is not None and ports.plan_request is not None:
             messages[ports.plan_request] = request
         if ports.status is not None:
-            error: list[float] = (target.position - reading.position).tolist()
+            error: list[float] = (target.position - now.q).tolist()
             messages[ports.status] = ControllerStatus(
                 error=error,
                 saturated=[False] * len(error),
@@ -200,13 +193,13 @@ def _named_without(prefix: str, contacts: Contacts) -> Contacts:
     return msgspec.structs.replace(contacts, pairs=pairs)
 
 
-def _check(reading: JointReading, base: BaseState, gripper: GripperState) -> None:
+def _check(arm: Measured, base: BaseState, gripper: GripperState) -> None:
     """Raise RunError for a measurement that is no finite number."""
     rows = {
         "the joints": (
-            *reading.q.tolist(),
-            *reading.v.tolist(),
-            *(() if reading.effort is None else reading.effort.tolist()),
+            *arm.q.tolist(),
+            *arm.v.tolist(),
+            *(() if arm.effort is None else arm.effort.tolist()),
         ),
         "the base": (base.x, base.y, base.yaw, base.vx, base.wz),
         "the gripper": (gripper.width, gripper.force, gripper.slip),

@@ -47,13 +47,6 @@ def test_each_target_is_reached_by_its_feed_forward_velocity_at_the_next(tmp_pat
     assert np.abs(velocity).max() <= 0.8 * 2 + 1e-9
 
 
-def test_the_error_of_the_status_counts_from_the_measured_position_not_the_smoothed_one(tmp_path):
-    arm = make_arm(config(tmp_path, smoothing="low_pass", time_constant=0.5))
-    arm.update(0, joint_state=JointState(position=[0.0] * 3))
-    out = arm.update(1, joint_state=JointState(position=[0.1] * 3))
-    assert out["status"].error == pytest.approx([-0.1] * 3)
-
-
 def test_poses_are_judged_by_the_effort_limits_that_the_plant_describes(tmp_path):
     arm = make_arm(config(tmp_path), effort=20.0)
     state = JointState(position=[0.0] * 3, velocity=[0.0] * 3)

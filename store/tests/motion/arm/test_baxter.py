@@ -6,7 +6,7 @@ import pytest
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import package_path
 from stepbus_store.motion.ik_search import InverseKinematics
-from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
+from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.routes import DetourRouter
 from stepbus_store.motion.trajectory import Joined
 
@@ -58,7 +58,7 @@ def test_a_path_is_found_around_the_other_arm(robot, collisions):
     start, goal = HOME.copy(), HOME.copy()
     start[7:], goal[7:] = [-1.2, 0.1, 0, 0.6, 0, 0, 0], [0.7, -0.2, 0, 0.4, 0, 0, 0]
     router = DetourRouter(robot, limits, seed=0, collisions=collisions)
-    route = Joined(router.plan(JointMotion.at_rest(start), goal, holds=False))
+    route = Joined(router.plan(start, goal, holds=False))
     poses = [route.at(t).position for t in np.linspace(0, route.duration, 200)]
     assert not any(collisions.any(q) for q in poses)
     assert poses[-1] == pytest.approx(goal)

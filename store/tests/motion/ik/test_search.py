@@ -43,7 +43,7 @@ def test_a_singular_pose_tells_its_smallest_singular_value(robot):
 def test_a_pose_the_motors_cannot_hold_tells_joint_and_torques(tmp_path):
     robot = RobotModel(write_arm(tmp_path, effort=30.0), JOINTS)
     q = np.array([-0.1, 0.1, 0.1])
-    found = make_ik(robot, singular_below=0.0).judge(q, np.arange(3))
+    found = make_ik(robot).judge(q, np.arange(3))
     arms = 0.5 * np.cos(-0.1) * 5 + 0.5 * np.cos(0.0) * 3 + 0.5 * np.cos(0.1)
     assert found.verdict == "not_holdable"
     assert found.overload.joint == "one"

@@ -17,7 +17,6 @@ from support.services.ur5 import ASIDE, SPIRAL, TIP, joints_goal, tips
 from stepbus_schemas import Plan
 from stepbus_schemas.messages import Spiral
 from stepbus_store.motion.joint_motion import JointMotion, motion_to
-from stepbus_store.motion.manipulator.segments import Beside
 
 
 def good_planner(robot):
@@ -74,9 +73,8 @@ def test_four_postures_are_tried_before_a_pose_has_no_path(robot):
 
 def test_beside_a_base_that_drives_no_posture_far_away_is_tried(robot):
     stage = Stage(planned_arm(robot), answer=bad_planner)
-    beside = Beside(bases=[(0.0, 0.0, 0.0)], waits=True)
     goal = pose_goal("move_to_pose", [0.5, 0.2, 0.35])
-    stage.arm.start(goal, stage.q, STANDING, stage.t, beside=beside)
+    stage.arm.start(goal, stage.q, STANDING, stage.t, bases=[(0.0, 0.0, 0.0)])
     log = stage.run()
     far = [np.linalg.norm(np.subtract(request.goal, HOME)) for request in stage.requests]
     assert log.outcome.state == "failed"

@@ -14,12 +14,11 @@ from stepbus_schemas.messages import Spiral
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.joint_motion import JointMotion, motion_to
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator.candidates import BranchCandidates
+from stepbus_store.motion.manipulator.candidates import CandidateFinder
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.settings import branching_manipulator
+from stepbus_store.motion.manipulator.settings import make_manipulator
 from stepbus_store.motion.outcome import Refused
 from stepbus_store.motion.player import MotionPlayer, stop_on_path
-from stepbus_store.motion.spiral import SpiralPlanner
 
 STORE = SCENARIOS / "store"
 READY = np.array([0.0, -1.6, 1.9, -1.87, -np.pi / 2, -np.pi / 2])
@@ -40,7 +39,7 @@ def collisions(robot):
 
 @pytest.fixture(params=[True, False], ids=["planner", "no planner"])
 def stage(request, robot, collisions):
-    arm = branching_manipulator(
+    arm = make_manipulator(
         robot,
         make_limits(robot),
         JointParams(model=Path(), joints=(), settle_timeout=0.5),
@@ -63,8 +62,7 @@ def spiral(x, radius):
 def candidates(robot, collisions, goal):
     options = ManipulatorOptions(period=0.008, tip="grasp")
     solver = BranchSolver(robot, effort_share=options.effort_share, seed=0)
-    spirals = SpiralPlanner(robot, solver, options)
-    finder = BranchCandidates(robot, options, solver, spirals, collisions)
+    finder = CandidateFinder(robot, solver, options, collisions)
     return finder.candidates(goal, READY, READY, STANDING)
 
 
@@ -127,10 +125,10 @@ def test_a_stop_that_would_touch_the_robot_stays_on_the_path(robot):
     far[1] = far[0]
     ends = []
     for collisions in (None, OffThePath()):
-        player = MotionPlayer(
-            robot, limits, period=0.008, brake_acceleration=12.0, brake_jerk=400.0,
-            collisions=collisions,
-        )  # fmt: skip
+        options = ManipulatorOptions(
+            period=0.008, tip="grasp", brake_acceleration=12.0, brake_jerk=400.0
+        )
+        player = MotionPlayer(robot, limits, options, collisions)
         player.start(motion_to(JointMotion.at_rest(start), far, make_limits(robot)))
         player.advance(0.5, 1.0)
         ends.append(player.brake(player.at(0.5)))

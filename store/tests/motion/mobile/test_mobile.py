@@ -8,7 +8,6 @@ from support.services.mobile import READY, Robot, config
 
 from stepbus_schemas import (
     BaseState,
-    Contacts,
     EmergencyStop,
     Goal,
     GripperState,
@@ -131,10 +130,6 @@ def test_a_goal_with_absurd_numbers_fails_at_once_and_nothing_else_does(tmp_path
 @pytest.mark.parametrize(
     ("message", "sentence"),
     [
-        (
-            {"contacts": Contacts(pairs=[("hand", "x")], force=[], distance=[0.0], position=[])},
-            "the contacts have 1 pairs, 0 forces, 1 distances",
-        ),
         (
             {"joint_state": JointState(position=[math.nan] * 6)},
             "measurements of the joints are not finite: .*nan",

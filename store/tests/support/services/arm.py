@@ -13,7 +13,8 @@ from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.ik_search import InverseKinematics
 from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator.settings import searching_manipulator
+from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.manipulator.settings import make_manipulator
 from stepbus_store.motion.outcome import Measured
 from stepbus_store.motion.parts import Parts
 
@@ -58,8 +59,9 @@ class Runner:
         one = np.ones(len(robot.joints))
         limits = MotionLimits(velocity=2 * one, acceleration=4 * one, jerk=40 * one)
         settling = JointParams(model=Path(), joints=(), settle_steps=3, settle_timeout=0.5)
-        self.arm = searching_manipulator(
-            robot, limits, settling, period=PERIOD, seed=0, tries_unholdable=tries_unholdable
+        options = ManipulatorOptions(period=PERIOD, tip="", effort_share=1.0)
+        self.arm = make_manipulator(
+            robot, limits, settling, options, seed=0, tries_unholdable=tries_unholdable
         )
         self._executor = GoalExecutor(Parts(arm=self.arm))
         rest = np.array([0.5, 0.5, 0.5])

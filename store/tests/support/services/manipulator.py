@@ -18,7 +18,7 @@ from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.manipulator.manipulator import Manipulator
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.settings import branching_manipulator
+from stepbus_store.motion.manipulator.settings import make_manipulator
 from stepbus_store.motion.outcome import Outcome
 
 JOINTS = (
@@ -55,7 +55,7 @@ def make_limits(robot: RobotModel) -> MotionLimits:
 def make_arm(robot: RobotModel, *, uses_planner: bool = False, **options: Any) -> Manipulator:
     settling = JointParams(model=Path(), joints=(), settle_timeout=0.5)
     given = ManipulatorOptions(**{"period": PERIOD, "tip": "tool0", **options})
-    arm = branching_manipulator(
+    arm = make_manipulator(
         robot, make_limits(robot), settling, given, seed=0, uses_planner=uses_planner
     )
     arm.hold(HOME)

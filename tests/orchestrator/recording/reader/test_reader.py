@@ -89,7 +89,7 @@ def test_vectors_that_change_their_length_have_no_array(tmp_path):
 def test_names_of_a_port_like_an_input_are_those_of_its_source(tmp_path, source):
     file = McapFile(tmp_path / "run.mcap")
     text = f"participants: {{arm: {{inputs: {{state: {source}}}}}}}"
-    file.attach("scenario.yaml", "application/yaml", text.encode())
+    file.attach("scenario.yaml", text.encode())
     for topic, described in (("plant/joints", '{"names": ["a"]}'), ("arm/u", '{"like": "state"}')):
         file.add_channel(topic, "JointCommand/1", channel_metadata(*topic.split("/"), described))
     file.close()

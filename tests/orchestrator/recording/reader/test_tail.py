@@ -12,7 +12,7 @@ TEXT = "x" * 300
 @pytest.fixture
 def file(tmp_path):
     file = McapFile(tmp_path / layout.RUN_FILE)
-    file.attach(layout.SCENARIO_ATTACHMENT, "text/yaml", b"name: a")
+    file.attach(layout.SCENARIO_ATTACHMENT, b"name: a")
     yield file
     file.close()
 

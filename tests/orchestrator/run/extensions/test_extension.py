@@ -65,21 +65,8 @@ def test_the_extension_of_the_page_ends_a_run(tmp_path, capsys):
     file = tmp_path / "limit.py"
     file.write_text(re.search(r"<!-- limit.py -->\n```python\n(.*?)```", PAGE, re.DOTALL).group(1))
     out = tmp_path / "out"
-    assert (
-        main(
-            [
-                "run",
-                "two_link",
-                "--with",
-                f"{file}:Limit",
-                "--out",
-                str(out),
-                "--no-report",
-                "--in-process",
-            ]
-        )
-        == 0
-    )
+    words = ["run", "two_link", "--with", f"{file}:Limit", "--no-report", "--in-process"]
+    assert main([*words, "--out", str(out)]) == 0
     assert "joint1 is at 0.503 rad" in capsys.readouterr().out
 
 

@@ -1,5 +1,6 @@
 """Pause, single steps and debugging: no effect on the result."""
 
+import io
 import os
 import pty
 import subprocess
@@ -11,6 +12,7 @@ import pytest
 from support.messages.recordings import messages
 from support.runs.joints import fault, leftovers, write_scenario
 
+from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.terminal.keys import press
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import recorded_end
@@ -55,11 +57,8 @@ def test_a_run_that_its_user_ends_has_finished(tmp_path, host, pause_at):
     pace = Pace(pause_at)
     options = Options(out=tmp_path / "out", host=host, extensions=[pace])
     result = run(scenario, options, Stops(pace, at=1 if pause_at is None else pause_at))
-    assert (result.exit_code, result.outcome, result.reason) == (
-        0,
-        "finished",
-        "stopped by the user",
-    )
+    ending = (result.exit_code, result.outcome, result.reason)
+    assert ending == (0, "finished", "stopped by the user")
     assert result.steps == pause_at if pause_at is not None else result.steps > 0
     with Recording(result) as recording:
         assert (recording.flaws(), recording.incomplete) == ([], {})
@@ -123,24 +122,10 @@ def test_a_debugged_participant_has_no_deadline(tmp_path, monkeypatch):
     assert "--debug" in (tmp_path / "out/logs/controller.log").read_text()
 
 
-def test_pausing_needs_somebody_who_can_press_a_key(tmp_path):
-    command = [
-        sys.executable,
-        "-m",
-        "stepbus_orchestrator.cli",
-        "run",
-        "two_link",
-        "--pause-at",
-        "3",
-    ]
-    done = subprocess.run(
-        [*command, "--out", tmp_path / "out"],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, "--pause-at needs" in done.stderr) == (2, True)
+def test_pausing_needs_somebody_who_can_press_a_key(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
+    assert main(["run", "two_link", "--pause-at", "3", "--out", str(tmp_path / "out")]) == 2
+    assert "--pause-at needs" in capsys.readouterr().err
 
 
 def read_until(terminal, text, seconds=30.0):

@@ -9,7 +9,7 @@ from support.runs.kernel import scenario, states
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.extensions.real_time import RealTime
+from stepbus_orchestrator.run.extensions.real_time import RealTime, Speed
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.state import RunState
 
@@ -42,6 +42,16 @@ def test_steps_begin_on_the_grid_of_the_clock():
         clock.now = (7 + ms) * MS
         limits.append(gate.limit(0))
     assert limits == [1, 1, 2, 2, 3, 6]
+
+
+def test_at_a_speed_that_is_asked_for_on_the_way_steps_come_at_their_time():
+    clock, speed = Clock(), Speed(10 * MS)
+    speed.attach(SimpleNamespace(clock=clock))
+    speed.set(0.5, 40)
+    assert speed.limit(40) == 41
+    clock.now += 20 * MS + 1
+    assert speed.limit(41) == 42
+    assert 0.0 < speed.wait_s(42, 1.0) < 0.02
 
 
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])

@@ -17,8 +17,7 @@ from support.tools import needs_pybullet
 import stepbus
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
-from stepbus_orchestrator.run.inprocess.hub import Hub
-from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
+from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub
 from stepbus_orchestrator.run.inprocess.turns import Turns, make_file
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run

@@ -13,7 +13,7 @@ import pytest
 from support.messages.recordings import messages
 from support.paths import CHECKOUT
 from support.runs.elsewhere import JOIN, SHORT, Elsewhere, run_with_external
-from support.runs.joints import fault, run_joints, write_scenario
+from support.runs.joints import run_joints, write_scenario
 from support.surroundings import comes_true
 from support.tools import needs
 
@@ -70,18 +70,6 @@ def test_a_participant_that_comes_later_gives_the_bytes_of_a_child(
 
 
 @pytest.mark.slow
-def test_all_participants_may_be_started_elsewhere(tmp_path, elsewhere, as_child):
-    names = ("plant", "controller", "mission")
-
-    def invited():
-        for name in names:
-            elsewhere.join(tmp_path / f"out/{name}.ticket")
-
-    result, _ = run_with_external(tmp_path, names=names, invited=invited)
-    assert (result.exit_code, result.sha256) == (0, as_child.sha256)
-
-
-@pytest.mark.slow
 def test_in_real_time_it_gives_the_same_bytes_and_a_branch_starts_it_itself(
     tmp_path, elsewhere, as_child
 ):
@@ -129,18 +117,6 @@ def test_who_is_frozen_is_named(tmp_path, elsewhere):
     processes[0].send_signal(signal.SIGCONT)
     # The `Stop` may have come before its link was cut.
     assert processes[0].wait(60) in (0, 1)
-
-
-def test_a_fault_that_it_reports_ends_the_run(tmp_path, elsewhere):
-    processes = []
-    result, _ = run_with_external(
-        tmp_path,
-        fault("controller", "raise", 7),
-        invited=lambda: processes.append(elsewhere.join(tmp_path / TICKET)),
-    )
-    assert (result.exit_code, result.participant) == (ExitCode.FAULT, "controller")
-    assert "the knee is bent the wrong way" in result.reason
-    assert processes[0].wait(60) == 1
 
 
 @pytest.mark.slow
@@ -336,17 +312,3 @@ def test_a_ticket_replaces_nothing_else(tmp_path):
     assert result.exit_code == ExitCode.START
     assert "it exists, perhaps as the ticket of another run" in result.reason
     assert kept.read_text() == "print('mine')"
-
-
-def test_two_runs_do_not_share_a_ticket(tmp_path):
-    ticket = tmp_path / "c.ticket"
-    second = []
-
-    def invited():
-        second.append(run_with_external(tmp_path / "b", tickets={"controller": ticket})[0])
-
-    run_with_external(
-        tmp_path / "a", "controller.spawn_timeout=500ms", tickets={"controller": ticket},
-        invited=invited,
-    )  # fmt: skip
-    assert "perhaps as the ticket of another run" in second[0].reason

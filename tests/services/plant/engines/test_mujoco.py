@@ -47,7 +47,7 @@ def test_a_shape_that_it_does_not_know_is_refused_with_its_file(tmp_path, found,
 def test_an_element_of_a_contact_that_only_pybullet_reads_is_named_by_a_warning(tmp_path, tag):
     urdf = link("base", 1.0, box("1 1 1"))
     contact = f"<contact><{tag} value='0.5'/></contact></link>"
-    note = f"engine mujoco ignores <{tag}> of a link's <contact> (base)"
+    note = f"engine mujoco ignores <{tag}> of <contact>"
     assert load(tmp_path, urdf.replace("</link>", contact)).notes == [("body one", note)]
     assert load(tmp_path, urdf.replace("</link>", contact.replace("0.5", "0"))).notes == []
 

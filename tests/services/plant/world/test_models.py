@@ -6,7 +6,7 @@ from support.services.plant import LIMIT, make_plant
 from stepbus_models import read_robot
 from stepbus_participant import Endpoint, Ticket
 from stepbus_plant.engine import BASE
-from stepbus_plant.engines.bullet_meshes import written
+from stepbus_plant.engines.pybullet import written
 from stepbus_schemas import JointCommand, WiringError
 
 BOX = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'

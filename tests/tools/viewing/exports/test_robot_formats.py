@@ -110,8 +110,6 @@ def test_rosbags_reads_images_inertial_units_and_texts(bag):
     assert image.data.tobytes() == PIXELS.tobytes()
     ((t_ns, late),) = bag["/plant/late/image_raw", "sensor_msgs/msg/Image"]
     assert (t_ns, late.header.stamp.nanosec) == (5_000_000, 0)
-    (_, jpeg), *_ = bag["/plant/camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage"]
-    assert Pillow.open(io.BytesIO(jpeg.data.tobytes())).size == (4, 2)
     (_, info), *_ = bag["/plant/camera/camera_info", "sensor_msgs/msg/CameraInfo"]
     assert list(info.k) == [4, 0, 2, 0, 5, 1, 0, 0, 1]
     (_, imu), *_ = bag["/plant/imu", "sensor_msgs/msg/Imu"]
@@ -268,7 +266,6 @@ def test_half_a_recording_is_exported_and_a_foreign_file_is_one_sentence(
         ["export", "--scene=out.html"],
         ["report"],
         ["view", "--no-open"],
-        ["view", "--foxglove"],
     ],
 )
 def test_a_recording_of_another_system_is_one_sentence(

@@ -88,9 +88,7 @@ def test_what_is_seen_and_touched_comes_and_goes(page):
     rows = {"c/c": Latest(step=1, message=touched), "d/d": Latest(step=1, message=seen)}
     overlays.show(rows)
     assert find("/shown/c.c") is not None
-    assert not find("/shown/d.d/0/type").visible
-    overlays.name(visible=True)
-    assert find("/shown/d.d/0/type").visible
+    assert find("/shown/d.d/0").visible
     overlays.switch(visible=False)
     assert not find("/shown/c.c").visible
     overlays.show({"d/d": Latest(step=2, message=nothing)})

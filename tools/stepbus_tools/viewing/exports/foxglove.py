@@ -12,6 +12,7 @@ from stepbus_orchestrator.recording import PortInfo, Recording
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, JointReference, JointState, Message
 from stepbus_tools.viewing.exports.exporter import (
+    NS,
     Exported,
     Reached,
     readable_ports,
@@ -30,7 +31,7 @@ def write(recording: Recording, target: Path, reached: Reached) -> Exported:
     scene = build_scene(recording)
     wanted = [p for p in ports if p.type in SHOWN or p.topic in scene.topics]
     with replaced(target) as path, _opened(path, target) as log:
-        conversion = Conversion(scene, log)
+        conversion = _Conversion(scene, log)
         conversion.place({frame.name: frame.pose for frame in scene.frames}, 0)
         conversion.bodies()
         for t_ns, moved, group in thinned(recording, scene, wanted, lost, reached):
@@ -70,20 +71,16 @@ def _opened(path: Path, target: Path) -> Iterator[Any]:
 
 SHOWN = ("Event/1", "Image/1", "JointReference/1", "JointState/1")
 """Types that are converted, beside those that move the scene."""
-WORLD = "world"
-_NS = 1_000_000_000
-
-Emit = Callable[[str, Any, int], None]
-"""Takes a topic, its foxglove message and the time [ns]."""
 
 
-class Conversion:
-    """Converts a scene and messages. emit: takes what they become.
+class _Conversion:
+    """Converts a scene and messages.
 
-    Raises ExtraMissing without foxglove-sdk.
+    emit: takes a topic, its foxglove message and the time [ns]. Raises ExtraMissing without
+    foxglove-sdk.
     """
 
-    def __init__(self, scene: Scene, emit: Emit) -> None:
+    def __init__(self, scene: Scene, emit: Callable[[str, Any, int], None]) -> None:
         (self._types,) = need("Foxglove", "foxglove.messages")
         self._emit = emit
         self._frames = [frame for frame in scene.frames if not frame.is_ghost]
@@ -93,10 +90,10 @@ class Conversion:
         """Convert a message; one of another type becomes nothing."""
         match message:
             case JointState() | JointReference():
-                self._emit(topic_of(port), self._joints(port, message, t_ns), t_ns)
+                self._emit(f"/{port.topic}", self._joints(port, message, t_ns), t_ns)
             case Image():
                 if (image := self._image(port, message, t_ns)) is not None:
-                    self._emit(topic_of(port), image, t_ns)
+                    self._emit(f"/{port.topic}", image, t_ns)
             case Event():
                 self._emit("/log", self._log(port, message, t_ns), t_ns)
 
@@ -106,7 +103,7 @@ class Conversion:
         rows = [
             types.FrameTransform(
                 timestamp=self._stamp(t_ns),
-                parent_frame_id=self._parents[name] or WORLD,
+                parent_frame_id=self._parents[name] or "world",
                 child_frame_id=name,
                 translation=types.Vector3(**_xyz(pose)),
                 rotation=types.Quaternion(**_xyzw(pose)),
@@ -116,14 +113,14 @@ class Conversion:
         ]
         self._emit("/tf", types.FrameTransforms(transforms=rows), t_ns)
 
-    def bodies(self, t_ns: int = 0) -> None:
+    def bodies(self) -> None:
         """Convert what the frames look like; they keep their looks and move with their frames."""
-        entities = [self._entity(frame, t_ns) for frame in self._frames if frame.visuals]
-        self._emit("/scene", self._types.SceneUpdate(entities=entities), t_ns)
+        entities = [self._entity(frame) for frame in self._frames if frame.visuals]
+        self._emit("/scene", self._types.SceneUpdate(entities=entities), 0)
 
-    def _entity(self, frame: Frame, t_ns: int) -> Any:
+    def _entity(self, frame: Frame) -> Any:
         return self._types.SceneEntity(
-            timestamp=self._stamp(t_ns),
+            timestamp=self._stamp(0),
             frame_id=frame.name,
             id=frame.name,
             frame_locked=True,
@@ -171,12 +168,7 @@ class Conversion:
         )
 
     def _stamp(self, t_ns: int) -> Any:
-        return self._types.Timestamp(sec=t_ns // _NS, nsec=t_ns % _NS)
-
-
-def topic_of(port: PortInfo) -> str:
-    """Return the topic of a port."""
-    return f"/{port.topic}"
+        return self._types.Timestamp(sec=t_ns // NS, nsec=t_ns % NS)
 
 
 def _xyz(pose: Pose) -> dict[str, float]:

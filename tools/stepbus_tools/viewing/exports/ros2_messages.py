@@ -9,7 +9,6 @@ import numpy as np
 
 from stepbus_participant import parse_duration
 from stepbus_tools.viewing.exports.exporter import NS, Instant
-from stepbus_tools.viewing.render import jpeg
 from stepbus_tools.viewing.scene.pose import about, from_xyzw
 from stepbus_tools.viewing.scene.scene import Scene, positions_in
 
@@ -227,22 +226,6 @@ def _cloud(tree: FrameTree, instant: Instant) -> Fields | None:
     }
 
 
-def _compressed(tree: FrameTree, instant: Instant) -> Fields | None:
-    """Return a colour image as JPEG; None for a depth image, which JPEG would spoil."""
-    image: Any = instant.message
-    if image.encoding != "rgb8":
-        return None
-    data = jpeg(image)
-    if data is None:
-        return None
-    # As image_transport spells it.
-    return {
-        "header": _measured_by(tree, instant),
-        "format": "rgb8; jpeg compressed bgr8",
-        "data": np.frombuffer(data, np.uint8),
-    }
-
-
 def _numbers(_: FrameTree, instant: Instant) -> Fields:
     """Return numbers, and the names that they have."""
     message: Any = instant.message
@@ -340,7 +323,6 @@ CONVERTED: Mapping[str, Sequence[Row]] = {
     "Image/1": [
         # As image_transport and its viewers look for them.
         Row("{}/image_raw", "sensor_msgs/msg/Image", _image),
-        Row("{}/image_raw/compressed", "sensor_msgs/msg/CompressedImage", _compressed),
         Row("{}/camera_info", "sensor_msgs/msg/CameraInfo", _camera_info),
     ],
     "Imu/1": [Row("{}", "sensor_msgs/msg/Imu", _imu)],

@@ -15,7 +15,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_participant import need
 from stepbus_schemas import MessageError, StepbusError
@@ -63,7 +62,7 @@ def _write(form: str, recording: Recording, target: Path, reached: Reached) -> E
     if not tables:
         raise nothing_to_export(recording)
     is_file = target.suffix == f".{form}"
-    paths = {} if is_file else _files(tables, target, form)
+    paths = {} if is_file else {table: target / f"{table.name}.{form}" for table in tables}
     with ExitStack() as stack:
 
         def opened(path: Path, columns: Sequence[Column], about: Mapping[str, str]) -> _Sink:
@@ -91,14 +90,6 @@ def _write(form: str, recording: Recording, target: Path, reached: Reached) -> E
         written.append(_describe(tables, target))
     renamed = [] if is_file else list(chain.from_iterable(map(_renamed, tables)))
     return Exported(paths=written, problems=[*renamed, *lost.values()], lost=list(lost))
-
-
-def _files(tables: Sequence[Table], folder: Path, form: str) -> dict[Table, Path]:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as exc:
-        raise RecordingFailed(f"{folder} cannot be made: {exc.strerror or exc}") from exc
-    return {table: folder / f"{table.name}.{form}" for table in tables}
 
 
 def _wide(table: Table) -> list[Column]:

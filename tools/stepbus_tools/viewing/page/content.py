@@ -26,7 +26,7 @@ from stepbus_tools.report.curves import (
     PortReader,
     read_ports,
 )
-from stepbus_tools.report.picture import is_pictured
+from stepbus_tools.report.picture import draw_report, is_pictured
 from stepbus_tools.report.summary import read_joints, scenario_name
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.exports.scene_file import scene_at_end
@@ -173,6 +173,10 @@ class RunPage:
         """Return what all charts show of its events: all of few, the serious ones of many."""
         is_short = len(self.events) <= _FEW_EVENTS
         return [one for one in self.events if is_short or one.level != "info"]
+
+    def draw(self) -> Iterator[str]:
+        """Write report.png beside the recording; yield the line of the summary about it."""
+        yield from draw_report(self.recording, self.joints, self.ports, self.marks, self.result)
 
     def local(self, text: str) -> str:
         """Return a text without the folder of the run: nobody else has this machine's folders."""

@@ -115,7 +115,9 @@ class _Arrays:
     def _line(self, line: ChartLine) -> Mapping[str, Any]:
         curve, style = Curve(_MOST_POINTS), line_style(line.number)
         t, values = line.points
-        curve.add(t, np.where(np.isfinite(values), values, np.nan)[:, None])
+        # The script has single precision, which holds no 1e200.
+        is_held = np.abs(values) < np.finfo(np.float32).max
+        curve.add(t, np.where(is_held, values, np.nan)[:, None])
         t, values = curve.line(0)
         return {
             "label": line.label,

@@ -109,7 +109,7 @@ def _numbers(value: Any) -> list[float]:
 class Curves:
     """A tree of ports and the charts of the signals that are chosen in it, in a tab.
 
-    gui: of a server of viser, or of one of its clients. sample: returns the data of a signal. runs:
+    gui: of a server of viser. sample: returns the data of a signal. runs:
     names of two recordings whose values it has, else none.
     """
 

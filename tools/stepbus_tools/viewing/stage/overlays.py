@@ -61,8 +61,7 @@ class Overlays:
         self._stage = stage
         self._chains = {chain.topic: chain for chain in stage.scene.chains}
         self._drawn: dict[str, tuple[int, Sequence[Any]]] = {}
-        self._visible, self._is_named = True, False
-        self._names: dict[str, Sequence[Any]] = {}
+        self._visible = True
         drawers: Mapping[str, Callable[[str, Any, Messages], Sequence[Any]]] = {
             "Contacts/1": self._contacts,
             "Detections/1": self._detections,
@@ -72,7 +71,6 @@ class Overlays:
             port.topic: drawers[port.type] for port in ports.values() if port.type in drawers
         }
         self.topics = frozenset(self._drawers)
-        self.has_names = any(ports[topic].type == "Detections/1" for topic in self._drawers)
 
     def show(self, messages: Messages, past: Past | None = None) -> None:
         """Draw what is new. past: returns the messages of an earlier step; None: they are these."""
@@ -83,7 +81,6 @@ class Overlays:
             if now != step:
                 for handle in handles:
                     handle.remove()
-                self._names.pop(topic, None)
                 then = past(now) if past is not None and latest is not None else messages
                 made = [] if latest is None else draw(topic, latest.message, then)
                 self._drawn[topic] = (now, made)
@@ -95,12 +92,6 @@ class Overlays:
         for handle in chain.from_iterable(handles for _, handles in self._drawn.values()):
             if handle.visible != visible:
                 handle.visible = visible
-
-    def name(self, *, visible: bool) -> None:
-        """Show or hide the types of what was detected; many cover each other."""
-        self._is_named = visible
-        for label in chain.from_iterable(self._names.values()):
-            label.visible = visible
 
     def _contacts(self, topic: str, contacts: Contacts, _: Messages) -> Sequence[Any]:
         """Draw an arrow on each point that is pressed on; its length grows with the force."""
@@ -133,20 +124,18 @@ class Overlays:
         return [scene.add_line_segments(path, points=segments, colors=_PATH, line_width=4.0)]
 
     def _detections(self, topic: str, seen: Detections, messages: Messages) -> Sequence[Any]:
-        """Draw a point and the type of each item that was seen."""
+        """Draw a point for each item that was seen."""
         frame = self._stage.scene.world_poses(messages).get(seen.frame, Pose())
-        scene, points, names = self._server.scene, [], []
-        for number, (at, kind) in enumerate(zip(seen.position, seen.types, strict=False)):
-            name, where = f"{_path(topic)}/{number}", (frame @ Pose(at)).position
-            points.append(scene.add_icosphere(name, radius=0.012, color=_SEEN, position=where))
-            # It goes with the point that it is below of.
-            look = {"font_size_mode": "scene", "font_scene_height": 0.03, "anchor": "bottom-center"}
-            place, above = f"{name}/type", (0.0, 0.0, 0.02)
-            names.append(
-                scene.add_label(place, kind, position=above, visible=self._is_named, **look)
+        scene = self._server.scene
+        return [
+            scene.add_icosphere(
+                f"{_path(topic)}/{number}",
+                radius=0.012,
+                color=_SEEN,
+                position=(frame @ Pose(at)).position,
             )
-        self._names[topic] = names
-        return points
+            for number, at in enumerate(seen.position)
+        ]
 
 
 def _path(topic: str) -> str:

@@ -1,13 +1,11 @@
-"""The server behind a page: on loopback, only for browsers that its door has let in, our look."""
+"""The server behind a page: on loopback, behind a door that asks for a secret, with our look."""
 
 import asyncio
 import contextlib
-import gzip
 import html
 import io
 import re
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -34,19 +32,18 @@ def with_front(process: Process, title: str) -> Process:
     """Return what answers as viser's server does, but with our title, style and script."""
 
     @cache
-    def front(body: bytes, is_packed: bool) -> bytes:
-        page = branded((gzip.decompress(body) if is_packed else body).decode(), title)
+    def front(body: bytes) -> bytes:
         ours = f"<style>{style_sheet()}{_asset('front.css')}</style>"
         ours += f"<script>{_asset('front.js')}</script>"
         # Ahead of viser's own script, which reads what ours has set.
-        data = page.replace("</title>", f"</title>{ours}", 1).encode()
-        return gzip.compress(data) if is_packed else data
+        return branded(body.decode(), title).replace("</title>", f"</title>{ours}", 1).encode()
 
     def process_request(connection: Any, request: Any) -> Any:
+        # Else viser would compress the page.
+        request.headers.pop("Accept-Encoding", None)
         response = process(connection, request)
         if response is not None and request.path.partition("?")[0] in _PAGES:
-            is_packed = response.headers.get("Content-Encoding") == "gzip"
-            response.body = front(response.body, is_packed)
+            response.body = front(response.body)
             del response.headers["Content-Length"]
             response.headers["Content-Length"] = str(len(response.body))
         return response
@@ -58,20 +55,12 @@ def _asset(name: str) -> str:
     return (files(__package__ or "") / "assets" / name).read_text("utf-8")
 
 
-_starting = threading.Lock()
-
-
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """An open page. server: of viser. address: opens it once."""
+    """An open page. server: of viser. address: URL with the secret that opens it."""
 
     server: Any
-    door: Door
     address: str
-
-    def new_address(self) -> str:
-        """Return another address that opens it once."""
-        return self.door.new_address()
 
     def close(self) -> None:
         """Close every connection, and the server."""
@@ -79,19 +68,11 @@ class Page:
             self.server.stop()
 
 
-def open_page(
-    label: str,
-    *,
-    host: str = LOOPBACK,
-    port: int = 0,
-    tell: Callable[[str], None] = lambda _address: None,
-) -> Page:
+def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
     """Open a page; port 0: any that is free.
 
-    Its address has a token that cannot be guessed and that works once, for one browser: any other
-    request is refused. tell: gets another address where one is used again. Raises
-    ExtraMissing without viser, and WiringError for a port that is taken, or a host that is not of
-    this machine.
+    Its address has a secret; any request without it is refused. Raises ExtraMissing without viser,
+    and WiringError for a port that is taken, or a host that is not of this machine.
     """
     (viser,) = need("the view", "viser")
 
@@ -99,13 +80,13 @@ def open_page(
         def request_share_url(self, verbose: bool = True) -> str | None:
             """Refuse the tunnel to the internet that any browser may ask viser for."""
 
-    door = Door(host, tell)
+    door = Door(host)
     # viser takes the next port when one is taken, and does not say what is wrong with a host.
     listening(host, port).close()
     # It waits for ever for a thread of its own that finds no free file descriptor.
     asyncio.new_event_loop().close()
     # It prints a box.
-    with _starting, _guarded(door, label), contextlib.redirect_stdout(io.StringIO()):
+    with _guarded(door, label), contextlib.redirect_stdout(io.StringIO()):
         server = Server(host=host, port=port, verbose=False)
     door.port = server.get_port()
     server.gui.configure_theme(
@@ -114,7 +95,7 @@ def open_page(
         show_share_button=False,
     )
     server.gui.set_panel_label(label)
-    return Page(server=server, door=door, address=door.new_address())
+    return Page(server=server, address=door.address)
 
 
 @contextlib.contextmanager

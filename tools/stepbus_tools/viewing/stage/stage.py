@@ -83,7 +83,7 @@ _STICKS = 0.5
 
 
 class Stage:
-    """Draws a scene on a server of viser, or for one of its clients, and moves its frames.
+    """Draws a scene on a server of viser, and moves its frames.
 
     root: of its nodes. tint: colour of a scene that is only shown beside another one. shade: gives
     the colour to draw with in its light. paths: frame → its node.
@@ -222,7 +222,7 @@ def _apart(a: Pose, b: Pose) -> float:
 
 
 def add_floor(scene: Any, low: Any, high: Any) -> None:
-    """Draw a grid of 0.5 m below a box. scene: of a server of viser, or of one of its clients."""
+    """Draw a grid of 0.5 m below a box. scene: of a server of viser."""
     middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
     side = max(3.0, np.ceil(3.0 * size))
     scene.add_grid(

@@ -25,36 +25,35 @@ _HELD = ("GripperState/1", "BaseState/1", "EmergencyStop/1", "Detections/1")
 class View:
     """Scene, cameras, curves and sentences on one page.
 
-    host: a server of viser, or one of its clients: who sees it. ports: of the recording. sample:
-    returns the data of a signal. runs: names of two recordings whose data that is, else none. tabs:
-    those that all pages have; a page may add more. stopped: who stopped the robot, and when; empty
-    while nobody has.
+    server: of viser. ports: of the recording. sample: returns the data of a signal. runs: names of
+    two recordings whose data that is, else none. tabs: those that all pages have; a page may add
+    more. stopped: who stopped the robot, and when; empty while nobody has.
     """
 
     def __init__(
         self,
-        host: Any,
+        server: Any,
         scene: Scene,
         ports: Ports,
         sample: Callable[[Signal], Data],
         runs: Sequence[str] = (),
     ) -> None:
-        self._host = host
+        self._server = server
         self._ports = ports
         self.stopped = ""
-        self.stage = Stage(host, scene)
-        self._overlays = Overlays(host, self.stage, ports)
+        self.stage = Stage(server, scene)
+        self._overlays = Overlays(server, self.stage, ports)
         self._held = sorted(port.topic for port in ports.values() if port.type in _HELD)
-        self.status = host.gui.add_markdown("")
+        self.status = server.gui.add_markdown("")
         if runs:
-            host.gui.add_html(_legend(*runs))
-        self.tabs = host.gui.add_tab_group()
+            server.gui.add_html(_legend(*runs))
+        self.tabs = server.gui.add_tab_group()
         with self.tabs.add_tab("Scene"):
             self._add_scene()
-        self.curves = Curves(host.gui, self.tabs.add_tab("Curves"), sample, runs)
+        self.curves = Curves(server.gui, self.tabs.add_tab("Curves"), sample, runs)
         with self.tabs.add_tab("Events"):
-            self._events = host.gui.add_html(listed([], 0))
-        self._images = Images(host, ports)
+            self._events = server.gui.add_html(listed([], 0))
+        self._images = Images(server, ports)
         if self._images.topics:
             self._camera_tab = self.tabs.add_tab("Images")
 
@@ -65,16 +64,13 @@ class View:
         return self.stage.scene.topics | shown | frozenset(self._held)
 
     def _add_scene(self) -> None:
-        gui = self._host.gui
+        gui = self._server.gui
         if self.stage.ghosts:
             ghosts = gui.add_checkbox("targets", initial_value=True)
             ghosts.on_update(lambda _: self.stage.ghosts.show(visible=ghosts.value))
         if self._overlays.topics:
             marks = gui.add_checkbox("contacts, paths, detections", initial_value=True)
             marks.on_update(lambda _: self._overlays.switch(visible=marks.value))
-        if self._overlays.has_names:
-            names = gui.add_checkbox("names of detections", initial_value=False)
-            names.on_update(lambda _: self._overlays.name(visible=names.value))
         self._held_text = gui.add_markdown("")
         if self.stage.scene.notes:
             rows = "".join(f"<li>{html.escape(note)}</li>" for note in self.stage.scene.notes)
@@ -82,7 +78,7 @@ class View:
 
     def show(self, messages: Messages, past: Past | None = None) -> None:
         """Show what messages say: of each port the newest one. past: as of `Overlays.show`."""
-        with self._host.atomic():
+        with self._server.atomic():
             self.stage.move(self.stage.scene.poses(messages))
             self._overlays.show(messages, past)
         if self._images.topics & messages.keys():

@@ -2,7 +2,6 @@
 
 import math
 from itertools import combinations
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -24,7 +23,6 @@ class MujocoEngine(World):
     """A world in MuJoCo, see `Engine`."""
 
     name = "mujoco"
-    draws_in_copies = False
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         super().__init__(mujoco.MjSpec(), step_s)
@@ -38,10 +36,6 @@ class MujocoEngine(World):
         option.disableflags |= disabled.mjDSBL_AUTORESET | disabled.mjDSBL_ISLAND
         self._spec.compiler.degree = False
         self._painter: Painter | None = None
-
-    def _compile(self) -> tuple[Any, Any]:
-        self.close()
-        return super()._compile()
 
     def close(self) -> None:
         """See `Engine`."""
@@ -67,7 +61,6 @@ class MujocoEngine(World):
         if robot.format == "urdf" and not options.collides_with_itself:
             for one, other in combinations(sorted(body.solid), 2):
                 self._let_through(f"{number}/{one}", f"{number}/{other}")
-        self._is_changed = True
         return number
 
     def notes(self, body: int) -> list[str]:
@@ -94,7 +87,6 @@ class MujocoEngine(World):
 
     def _let_through(self, one: str, other: str) -> None:
         self._spec.add_exclude(bodyname1=one, bodyname2=other)
-        self._is_changed = True
 
     # --- joints ---------------------------------------------------------------------------
 
@@ -102,17 +94,13 @@ class MujocoEngine(World):
         self, body: int, index: int, *, damping: float, lower: float, upper: float
     ) -> None:
         """See `Engine`; damping is implicit, and so always stable."""
-        own = self._bodies[body]
-        described = own.robot.joints[self.joints(body)[index]]
-        joint = self._spec.joint(own.joint_name(index))
+        model, _ = self._now()
+        joint = model.joint(self._bodies[body].joint_name(index))
         if damping != joint.damping[0]:
-            joint.damping = [damping, 0.0, 0.0]
-        is_limited = math.isfinite(lower) and math.isfinite(upper)
-        stops = [lower, max(upper, lower + LEAST_RANGE)] if is_limited else [0.0, 0.0]
-        if own.in_degrees and described.type != "prismatic":
-            stops = [math.degrees(stop) for stop in stops]
-        joint.limited, joint.range = int(is_limited), stops
-        self._is_changed = True
+            joint.damping, model.dof_dampingpoly[joint.dofadr] = damping, 0.0
+        joint.limited = math.isfinite(lower) and math.isfinite(upper)
+        if joint.limited:
+            joint.range = lower, max(upper, lower + LEAST_RANGE)
 
     def couple(self, body: int, follower: int, leader: int, gear: Gear) -> None:
         """See `Engine`; as stiff as can be and without a limit, whatever the gear says."""
@@ -125,7 +113,6 @@ class MujocoEngine(World):
             data=[gear.offset, gear.multiplier, *[0.0] * 10],
             solref=rigid(self._dt),
         )
-        self._is_changed = True
 
     # --- images ---------------------------------------------------------------------------
 
@@ -138,9 +125,11 @@ class MujocoEngine(World):
     ) -> tuple[NDArray[np.uint8], Array]:
         """See `Engine`."""
         self._looked()
-        return self._paint().image(size, view, projection, light)
+        return self._paint(*size).image(size, view, projection, light)
 
-    def _paint(self) -> Painter:
-        if self._painter is None:
-            self._painter = Painter(*self._now())
-        return self._painter
+    def _paint(self, width: int = 640, height: int = 480) -> Painter:
+        painter = self._painter
+        if painter is None or width > painter.width or height > painter.height:
+            self.close()
+            self._painter = painter = Painter(*self._now(), width, height)
+        return painter

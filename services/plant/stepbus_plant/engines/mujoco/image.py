@@ -23,14 +23,17 @@ _DEFAULT = "egl" if sys.platform == "linux" else "glfw"
 
 
 class Painter:
-    """Draws a model by OpenGL. renderer: what does so. Raises WiringError where nothing can."""
+    """Draws a model by OpenGL, in images of at most `width` × `height` [pixel].
 
-    def __init__(self, model: Any, data: Any) -> None:
+    renderer: the name and version of the renderer. Raises WiringError where nothing can draw.
+    """
+
+    def __init__(self, model: Any, data: Any, width: int = 640, height: int = 480) -> None:
         self._model, self._data = model, data
-        self._width = self._height = 0
+        self.width, self.height = width, height
         self._gl: Any = None
         self._context: Any = None
-        self._resize(640, 480)
+        self._open()
         self._scene = mujoco.MjvScene(model, maxgeom=_MOST_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._option = mujoco.MjvOption()
@@ -38,19 +41,16 @@ class Painter:
         self._option.geomgroup[[BOTH, SEEN]] = 1
         self.renderer = _describe()
 
-    def _resize(self, width: int, height: int) -> None:
-        """Have room for an image of a size [pixel]."""
-        self._width, self._height = max(width, self._width), max(height, self._height)
-        self.close()
-        self._model.vis.global_.offwidth = self._width
-        self._model.vis.global_.offheight = self._height
+    def _open(self) -> None:
+        self._model.vis.global_.offwidth = self.width
+        self._model.vis.global_.offheight = self.height
         self._model.vis.quality.offsamples = 0
         kind = (os.environ.get("MUJOCO_GL") or _DEFAULT).lower()
         if kind not in _KINDS:
             raise _cannot(kind, f"it must be one of {', '.join(_KINDS)}")
         try:
             # Not mujoco.gl_context, which has chosen when somebody first imported MuJoCo.
-            self._gl = import_module(f"mujoco.{kind}").GLContext(self._width, self._height)
+            self._gl = import_module(f"mujoco.{kind}").GLContext(self.width, self.height)
             self._gl.make_current()
             self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         except (AttributeError, ImportError, OSError, RuntimeError, mujoco.FatalError) as exc:
@@ -78,8 +78,6 @@ class Painter:
     ) -> tuple[NDArray[np.uint8], Array]:
         """See `Engine`; raises PhysicsError for an error of OpenGL."""
         width, height = size
-        if width > self._width or height > self._height:
-            self._resize(width, height)
         self._gl.make_current()
         scene = self._scene
         mujoco.mjv_updateScene(

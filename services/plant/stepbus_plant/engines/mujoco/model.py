@@ -32,16 +32,6 @@ _READS = (".stl", ".obj", ".msh")
 _PARSER = """<mujoco><compiler fusestatic="false" discardvisual="false" strippath="false"
 balanceinertia="true" boundmass="1e-9" boundinertia="1e-12"/></mujoco>"""
 """Links behind fixed joints and visuals are kept; links without mass can move."""
-_UNREAD = (
-    "restitution",
-    "stiffness",
-    "damping",
-    "contact_cfm",
-    "contact_erp",
-    "friction_anchor",
-    "inertia_scaling",
-)
-"""Elements of a link's `<contact>` that PyBullet alone reads."""
 _FRICTION = {"lateral": 1.0, "spinning": 0.005, "rolling": 0.0001}
 """MuJoCo's own."""
 _OPTIONS = ("integrator", "cone", "impratio", "noslip_iterations", "density", "viscosity", "wind")
@@ -50,7 +40,6 @@ _CONTACT_S = 0.01
 they hold; with less, what slides is lifted and rattles."""
 _GREY, _WHITE = [0.5, 0.5, 0.5, 1.0], [1.0, 1.0, 1.0, 1.0]
 """MuJoCo's default colour, and ours, as PyBullet's."""
-_SHOWN = 5
 _ON_JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
@@ -59,18 +48,15 @@ class Body:
     """A loaded body.
 
     rows: (link, joint before it) by MuJoCo's names, the root and "" first; a link with several
-    joints has a row for each. solid: names of links with a collision shape. root: pose when loaded.
-    is_fixed: whether the root is fixed. in_degrees: whether the angles of its spec are in degrees.
-    notes: sentences about parts of the model that are not used.
+    joints has a row for each. solid: names of links with a collision shape. is_fixed: whether the
+    root is fixed. notes: sentences about parts of the model that are not used.
     """
 
     number: int
     robot: RobotDescription
     rows: list[tuple[str, str]]
     solid: set[str]
-    root: Pose
     is_fixed: bool
-    in_degrees: bool
     notes: list[str]
 
     def body_name(self, index: int) -> str:
@@ -119,22 +105,16 @@ def _read_urdf(
     text = urdf_text(replace(robot, joints=joints)).replace("</robot>", f"{_PARSER}</robot>")
     spec = mujoco.MjSpec.from_string(_WORLD.sub(rf'\1="{_ROOT}"', text))
     _read_meshes(spec)
-    ignored: dict[str, list[str]] = {}
+    unread: set[str] = set()
     for link in robot.links.values():
-        for tag in filter(link.contact.get, _UNREAD):
-            ignored.setdefault(tag, []).append(link.name)
-        tags = ((kind, f"{kind}_friction") for kind in _FRICTION)
-        own = {kind: link.contact[tag] for kind, tag in tags if tag in link.contact}
+        given = {tag.removesuffix("_friction"): value for tag, value in link.contact.items()}
+        own = {kind: value for kind, value in given.items() if kind in _FRICTION}
+        unread |= {tag for tag, value in given.items() if value and tag not in _FRICTION}
         name = _ROOT if link.name == "world" else link.name
         _finish(spec.body(name), {**own, **friction}, dt)
     # Its mistakes are those of this robot.
     spec.compile()
-    return spec, [_ignored(tag, links) for tag, links in ignored.items()]
-
-
-def _ignored(tag: str, links: Sequence[str]) -> str:
-    some = ", ".join([*links[:_SHOWN], *(["…"] if len(links) > _SHOWN else [])])
-    return f"engine mujoco ignores <{tag}> of a link's <contact> ({some})"
+    return spec, [f"engine mujoco ignores <{tag}> of <contact>" for tag in sorted(unread)]
 
 
 def _plain(joint: Joint) -> Joint:
@@ -212,9 +192,7 @@ def add(world: Any, robot: RobotDescription, number: int, pose: Pose, options: L
         robot=robot,
         rows=list(_rows(robot, spec.bodies[0 if in_world else 1 :])),
         solid={body.name for body in spec.bodies if any(map(_is_solid, body.geoms))},
-        root=pose,
         is_fixed=options.is_fixed,
-        in_degrees=bool(spec.compiler.degree),
         notes=notes,
     )
     if not is_urdf and len(world.bodies) == 1:
@@ -225,7 +203,9 @@ def add(world: Any, robot: RobotDescription, number: int, pose: Pose, options: L
     position, (x, y, z, w) = pose
     frame = world.worldbody.add_frame(pos=position, quat=(w, x, y, z))
     if in_world:
-        base = world.worldbody.add_body(name=made.body_name(BASE), mocap=True)
+        base = world.worldbody.add_body(
+            name=made.body_name(BASE), mocap=True, pos=position, quat=(w, x, y, z)
+        )
         # Free joints are allowed in the world only.
         free = (joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints)
         frame = frame if any(free) else base.add_frame()

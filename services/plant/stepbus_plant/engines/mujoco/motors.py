@@ -40,10 +40,10 @@ def add_motor(spec: Any, joint: str, dt: float) -> None:
 class Motors:
     """The motors of a model, arrays of shape (n,) by the number of their tendon.
 
-    dt: length of a substep [s]. before: others, of fewer or as many joints, whose state goes on.
+    dt: length of a substep [s].
     """
 
-    def __init__(self, model: Any, dt: float, before: "Motors | None" = None) -> None:
+    def __init__(self, model: Any, dt: float) -> None:
         count = model.ntendon
         self._model, self._dt = model, dt
         self._velocities = np.zeros(count)
@@ -53,14 +53,6 @@ class Motors:
         self._torques = np.zeros(count)
         # Of the friction that joints have themselves, before that of tendons.
         self._joint_rows = int(np.count_nonzero(model.dof_frictionloss))
-        for own, old in zip(self._arrays(), before._arrays() if before else (), strict=False):
-            own[: len(old)] = old
-
-    def _arrays(self) -> tuple[Array, ...]:
-        return (
-            *(self._model.tendon_frictionloss, self._velocities, self._goals),
-            *(self._gains, self._fastest, self._torques),
-        )
 
     def turn(
         self, motors: NDArray[np.int64], velocities: Sequence[float], torques: Sequence[float]
@@ -104,12 +96,3 @@ class Motors:
         """Return the torques of the latest substep [N·m]."""
         found: list[float] = self._torques[motors].tolist()
         return found
-
-    def save(self) -> list[list[float]]:
-        """Return their state."""
-        return [array.tolist() for array in self._arrays()]
-
-    def restore(self, saved: Sequence[Sequence[float]]) -> None:
-        """Take what `save` returned."""
-        for array, values in zip(self._arrays(), saved, strict=True):
-            array[:] = values

@@ -1,7 +1,7 @@
 """A compiled model and its state: substeps, joints, poses."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -37,15 +37,14 @@ _RESTS = np.zeros(3), np.zeros(3)
 _Numbers = NDArray[np.int64]
 
 
-class _State(msgspec.Struct, forbid_unknown_fields=True):
-    """All that the next substep, or a reading before it, depends on.
+class _State(msgspec.Struct):
+    """All that the next substep, or a reading before it, depends on; the plant sets motors anew.
 
-    physics: MuJoCo's own, of mjSTATE_INTEGRATION. motors: rows of `Motors.save`. drift: velocities
-    of standing bodies that are moved [m/s, rad/s]. reactions: force [N] and torque [N·m] of joints.
+    physics: MuJoCo's own, of mjSTATE_INTEGRATION. drift: velocities of standing bodies that are
+    moved [m/s, rad/s]. reactions: force [N] and torque [N·m] of joints.
     """
 
     physics: list[float]
-    motors: list[list[float]]
     drift: dict[int, tuple[list[float], list[float]]]
     reactions: list[tuple[Link, list[float], list[float]]]
     contacts: list[Contact]
@@ -55,16 +54,14 @@ class World(Engine):
     """What an `Engine` does once its bodies are loaded.
 
     spec: of its model. dt: length of a substep [s]. The model is compiled when something first
-    needs it, and again after what changes it.
+    needs it; bodies, exceptions from collisions and gears come before.
     """
 
     def __init__(self, spec: Any, dt: float) -> None:
         self.geometry = Geometry()
         self._spec, self._dt = spec, dt
         self._bodies: list[Body] = []
-        self._placed = 0
-        self._is_changed, self._is_seen = True, False
-        self._waiting: list[Callable[[], None]] = []
+        self._is_seen = False
         self._compiled: tuple[Any, Any] | None = None
         self._motors: Any = None
         self._space: Any = None
@@ -76,44 +73,25 @@ class World(Engine):
 
     def _now(self) -> tuple[Any, Any]:
         """Return the model and its data."""
-        if self._compiled is None or self._is_changed:
-            self._compiled, self._is_changed = self._compile(), False
-            self._drift_with(self._drift)
-            for body in self._bodies[self._placed :]:
-                self._place(body.number, body.root)
-            self._placed = len(self._bodies)
-            waiting, self._waiting = self._waiting, []
-            for act in waiting:
-                act()
+        if self._compiled is None:
+            self._compiled = self._compile()
         return self._compiled
 
     def _compile(self) -> tuple[Any, Any]:
-        """Return a new model and its data, which goes on where the one before was."""
         try:
-            if self._compiled is None:
-                model = self._spec.compile()
-                data = mujoco.MjData(model)
-            else:
-                model, data = self._spec.recompile(*self._compiled)
+            model = self._spec.compile()
         except (ValueError, mujoco.FatalError) as exc:
             raise PhysicsError(f"MuJoCo cannot build the world: {one_line(exc)}") from exc
+        data = mujoco.MjData(model)
         self._id = {
             (body.number, n): model.body(body.body_name(n)).id
             for body in self._bodies
             for n in range(BASE, len(body.rows) - 1)
         }
-        self._numbers, self._contacts, self._is_seen = {}, None, False
         # A link with several joints has more than one number, of which contacts have the last.
         self._space = Space(model, data, {number: link for link, number in self._id.items()})
-        self._motors = Motors(model, self._dt, self._motors)
+        self._motors = Motors(model, self._dt)
         return model, data
-
-    def _then(self, act: Callable[[], None]) -> None:
-        """Change the state of the world once it is compiled, which takes its time."""
-        if self._is_changed:
-            self._waiting.append(act)
-        else:
-            act()
 
     def step(self) -> None:
         """See `Engine`."""
@@ -145,7 +123,6 @@ class World(Engine):
         return msgspec.msgpack.encode(
             _State(
                 physics=physics.tolist(),
-                motors=self._motors.save(),
                 drift={n: (v.tolist(), w.tolist()) for n, (v, w) in self._drift.items()},
                 reactions=[(at, f.tolist(), t.tolist()) for at, (f, t) in self._reactions.items()],
                 contacts=self.contacts(),
@@ -156,7 +133,6 @@ class World(Engine):
         """See `Engine`."""
         saved, (model, data) = msgspec.msgpack.decode(state, type=_State), self._now()
         mujoco.mj_setState(model, data, np.array(saved.physics), _INTEGRATION)
-        self._motors.restore(saved.motors)
         self._reactions = {link: (np.array(f), np.array(t)) for link, f, t in saved.reactions}
         self._contacts, self._is_seen = saved.contacts, False
         self._drift_with({n: (np.array(v), np.array(w)) for n, (v, w) in saved.drift.items()})
@@ -189,14 +165,10 @@ class World(Engine):
 
     def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
         """See `Engine`."""
-
-        def put() -> None:
-            places, dofs, _ = self._numbers_of(body, [index])
-            _, data = self._now()
-            data.qpos[places], data.qvel[dofs] = position, velocity
-            self._is_seen = False
-
-        self._then(put)
+        places, dofs, _ = self._numbers_of(body, [index])
+        _, data = self._now()
+        data.qpos[places], data.qvel[dofs] = position, velocity
+        self._is_seen = False
 
     def push(self, body: int, indices: Indices, torques: Values) -> None:
         """See `Engine`."""
@@ -205,11 +177,7 @@ class World(Engine):
 
     def turn(self, body: int, indices: Indices, velocities: Values, torques: Values) -> None:
         """See `Engine`."""
-
-        def turn() -> None:
-            self._motors.turn(self._numbers_of(body, indices)[2], velocities, torques)
-
-        self._then(turn)
+        self._motors.turn(self._numbers_of(body, indices)[2], velocities, torques)
 
     def bring(self, body: int, index: int, goal: Goal) -> None:
         """See `Engine`."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from bisect import bisect_right
-from collections import deque
 from collections.abc import Iterator
 from operator import attrgetter
 from pathlib import Path
@@ -27,7 +26,6 @@ from stepbus_orchestrator.recording.reserved_file import is_locked
 
 _CACHE_BYTES = 8 * 1024 * 1024
 LATEST_NS = 2**63 - 1
-_ENDLESS = 2**63
 _RECORD = struct.Struct(HEAD.format + MESSAGE_HEAD.format[1:])
 """Of a message: opcode, length, channel, sequence, log time, publish time."""
 
@@ -46,14 +44,19 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
 
 class Source:
-    """An open recording. damage: what is wrong with the file, as far as it was read.
+    """An open recording.
 
-    is_live: whether it is being written; then it has what stood there when it was opened.
+    damage: what is wrong with the file, as far as it was read. is_live: whether it is being
+    written; then it has what stood there when it was opened. cut_step: the last step where it is
+    incomplete and left out. scanner: that has read the file; None where its summary was enough.
 
-    Raises RecordingFailed when it cannot be read or is no MCAP file.
+    scans: whether the summary is not trusted. Raises RecordingFailed when the file cannot be read
+    or is no MCAP file.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, scans: bool = False) -> None:
+        self._scans = scans
+        self.scanner: Scanner | None = None
         self._file = RecordFile(path)
         self.is_live = is_locked(self._file.descriptor)
         self._loose = b""
@@ -64,7 +67,7 @@ class Source:
         # The blocks that were read last, by their offset: the ports of a recording share them.
         self._cache: dict[int, bytes] = {}
         self._cached_bytes = 0
-        self._end_step = _ENDLESS
+        self.cut_step: int | None = None
         self._cut_incomplete_step()
 
     def close(self) -> None:
@@ -75,11 +78,10 @@ class Source:
     def _read_index(self) -> Index:
         """Read the index, and with it what a run that goes on may replace any moment."""
         while True:
-            index = read_summary(self._file)
+            index = None if self._scans else read_summary(self._file)
             if index is None:
-                scanner = Scanner(self._file)
-                deque(scanner.records(), maxlen=0)
-                index = scanner.index
+                self.scanner = Scanner(self._file)
+                index = self.scanner.index
             start = index.loose_from if self.is_live else None
             if start is None:
                 return index
@@ -135,7 +137,7 @@ class Source:
                 self._end_before(last, exc)
                 continue
             if self.index.channels[channel].topic != layout.CHAIN_TOPIC:
-                self._end_step = step
+                self.cut_step = step
                 cut = layout.incomplete(step)
                 self.damage = f"{self.damage}; {cut}" if self.damage else cut
             return
@@ -154,9 +156,8 @@ class Source:
         self._cache[block.offset] = data
         while self._cached_bytes > _CACHE_BYTES:
             self._cached_bytes -= len(self._cache.pop(next(iter(self._cache))))
-        rows = _messages(data, channels)
-        end = self._end_step
-        return rows if end == _ENDLESS else (row for row in rows if row[1] < end)
+        rows, end = _messages(data, channels), self.cut_step
+        return rows if end is None else (row for row in rows if row[1] < end)
 
     def _read(self, block: Block) -> bytes:
         """Return the records of a block; raises DamagedRecord."""
