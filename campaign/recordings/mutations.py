@@ -122,15 +122,6 @@ def _chunks(data: bytes) -> list[tuple[int, int]]:
     return chunks
 
 
-def attachment_without_crc(chance: random.Random, data: bytes) -> bytes:
-    """Change an attachment, and set its checksum to 0, which stands for none."""
-    start, end = chance.choice(_spans(data, Opcode.ATTACHMENT))
-    copy = bytearray(data)
-    copy[chance.randrange(max(start + HEAD.size, end - 3000), end - 4)] ^= 1 << chance.randrange(8)
-    copy[end - 4 : end] = bytes(4)
-    return bytes(copy)
-
-
 def chunk_without_crc(chance: random.Random, data: bytes) -> bytes:
     """Change what is in a chunk, and set its checksum to 0."""
     start, end = chance.choice(_spans(data, Opcode.CHUNK))
@@ -138,15 +129,6 @@ def chunk_without_crc(chance: random.Random, data: bytes) -> bytes:
     crc_at = start + HEAD.size + 24
     copy[crc_at : crc_at + 4] = bytes(4)
     copy[chance.randrange(crc_at + 20, end)] ^= 1 << chance.randrange(8)
-    return bytes(copy)
-
-
-def summary_without_crc(chance: random.Random, data: bytes) -> bytes:
-    """Change the summary, and set its checksum to 0."""
-    copy = bytearray(data)
-    (start,) = struct.unpack_from("<Q", data, len(data) - _FOOTER_BYTES + HEAD.size)
-    copy[chance.randrange(start, len(data) - _FOOTER_BYTES)] ^= 1 << chance.randrange(8)
-    copy[-_CRC_IN_FOOTER:-MAGIC_BYTES] = bytes(4)
     return bytes(copy)
 
 
@@ -276,17 +258,6 @@ def message_repeated(chance: random.Random, data: bytes) -> bytes:
     return Copy(message=lambda c, m: _same(m) * (2 if _is(victim, c, m) else 1)).of(data)
 
 
-def messages_dropped(chance: random.Random, data: bytes) -> bytes:
-    """Leave many messages out."""
-    keep = chance.choice((0.5, 0.9, 0.98))
-    victim = _victim(chance, data)
-    return Copy(
-        message=lambda c, m: (
-            [] if _is(victim, c, m) or (c.topic != CHAIN and chance.random() > keep) else _same(m)
-        )
-    ).of(data)
-
-
 def channel_changed(chance: random.Random, data: bytes) -> bytes:
     """Change topic, type or description of some channels, or leave them out."""
 
@@ -349,13 +320,12 @@ def _is(victim: tuple[str, int], channel: Any, message: Any) -> bool:
 
 DAMAGE: tuple[Mutation, ...] = (
     flip, overwrite, truncate, insert, remove, swap_chunks, remove_chunk, repeat_chunk,
-    attachment_without_crc, chunk_without_crc, summary_without_crc, no_crcs, metadata_changed,
-    message_index_changed,
+    chunk_without_crc, no_crcs, metadata_changed, message_index_changed,
 )  # fmt: skip
 """Not what was written: a reader that calls such a file undamaged is wrong."""
 
 FORGED: tuple[Mutation, ...] = (
-    message_dropped, message_changed, message_moved, message_repeated, messages_dropped,
+    message_dropped, message_changed, message_moved, message_repeated,
 )  # fmt: skip
 """Valid files whose hash chain shows that something is wrong."""
 

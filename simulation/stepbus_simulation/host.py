@@ -12,7 +12,6 @@ from typing import Any
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.processes.child import Process as RunProcess
 from stepbus_orchestrator.run.extension import RunView, Strategy
-from stepbus_orchestrator.run.folder import LOGS_FOLDER
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import (
@@ -184,9 +183,7 @@ class _Launch(Strategy):
             return host.lies.get(name, code)
 
         process = Process(host.world, name, work)
-        participant = SimulatedParticipant(
-            process, pid, self._run.out / LOGS_FOLDER / f"{name}.log"
-        )
+        participant = SimulatedParticipant(process, pid, self._run.out / "logs" / f"{name}.log")
         process.print = participant
         host.participants[name] = participant
         process.start(host.start_ns.get(name, _START_NS))

@@ -29,6 +29,7 @@ from stepbus_plant.engine import Light
 from stepbus_plant.geometry import rotation
 from stepbus_plant.physics import Physics
 from stepbus_plant.viewpoint import projection_matrix, view_matrix
+from stepbus_store.solids import read_solids
 
 Picture = NDArray[np.uint8]
 """Red, green, blue, shape (h, w, 3)."""
@@ -198,14 +199,8 @@ def _matrix(pose: tuple[Any, Any]) -> Matrix:
 
 def _box(shape: str) -> tuple[Matrix, Matrix]:
     """Return the smallest and the largest corner of upright shapes, in the frame of their link."""
-    corners = []
-    for part in shape.split("; "):
-        size, _, place = part.partition(" @ ")
-        word, *numbers = size.split()
-        values = np.array(numbers, dtype=float)
-        half = values / 2 if word == "box" else np.array([values[0], values[0], values[1] / 2])
-        middle = np.array(place.split()[:3], dtype=float)
-        corners += [middle - half, middle + half]
+    solids = read_solids(shape)
+    corners = [solid.position + sign * solid.reach for solid in solids for sign in (-1, 1)]
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 

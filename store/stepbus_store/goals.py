@@ -75,24 +75,17 @@ class GoalSettings(Settings):
 
     def goal(self, number: int) -> Goal:
         """Return the goal with an id."""
-        spiral = self.spiral
-        return Goal(
-            id=number,
-            type=self.type,
-            joints=list(self.joints),
-            values=list(self.joints.values()),
-            tip=self.tip,
-            frame=self.frame,
-            position=self.position,
-            orientation=None if self.position is None else _quaternion(self.rpy),
-            spiral=None if spiral is None else Spiral(**msgspec.structs.asdict(spiral)),
-            duration=self.duration,
-            touches=list(self.touches),
-            by=self.by,
-            base=self.base,
-            width=self.width,
-            force=self.force,
-        )
+        spiral, fields = self.spiral, msgspec.structs.asdict(self)
+        del fields["rpy"]
+        fields |= {
+            "id": number,
+            "joints": list(self.joints),
+            "values": list(self.joints.values()),
+            "orientation": None if self.position is None else _quaternion(self.rpy),
+            "spiral": None if spiral is None else Spiral(**msgspec.structs.asdict(spiral)),
+            "touches": list(self.touches),
+        }
+        return Goal(**fields)
 
 
 class Params(Settings):

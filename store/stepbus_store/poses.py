@@ -1,4 +1,4 @@
-"""Poses that several services read: their check, and their yaw."""
+"""Poses that several services read: their check, and their angles."""
 
 import math
 from collections.abc import Sequence
@@ -22,3 +22,8 @@ def yaw_of(q: Quaternion) -> float:
     """Return the yaw of an orientation [rad]; 0 for a quaternion of zeros."""
     x, y, z, w = q
     return math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+def wrapped(angle: float) -> float:
+    """Return the same angle between -π and π [rad]."""
+    return math.remainder(angle, 2 * math.pi)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stepbus_tools.look import LINES, LINES_DARK, MARK, NIGHT, PAPER, line_style, style_sheet
+from stepbus_tools.look import LINES, LINES_DARK, MARK, NIGHT, PAPER, line_style
 
 # Machado, Oliveira, Fernandes 2009, severity 1.0, for linear RGB.
 BLINDNESS = {
@@ -56,12 +56,6 @@ def test_fourteen_joints_have_a_style_each():
     styles = [line_style(number) for number in range(14)]
     assert len(set(styles)) == 14
     assert line_style(14) == styles[0]
-
-
-def test_the_style_sheet_has_every_colour_of_both_pages():
-    text = style_sheet()
-    assert all(f"--c{n}:{color};" in text for n, color in enumerate(LINES))
-    assert all(color in text for color in (*LINES_DARK, *NIGHT.values()))
 
 
 def test_the_site_has_the_same_mark():

@@ -166,10 +166,6 @@ def test_a_file_name_is_no_workflow_command_and_no_markdown(tmp_path):
     shown = "a%0A%3A%3Awarning%3A%3Ax%2C `b` <img> ##[group].mcap"
     assert log.startswith(f"::error file={shown},title=stepbus replay::recording: ")
     assert r"a\\x0a::warning::x, \`b\` \<img\> ##\[group\].mcap" in summary
-
-
-def test_a_line_of_the_log_is_no_workflow_command(tmp_path):
-    recording = tmp_path / "::warning::x ##[group].mcap"
-    recording.write_bytes(GOLDEN.read_bytes())
+    (tmp_path / "::warning::x ##[group].mcap").write_bytes(GOLDEN.read_bytes())
     code, log, _, _ = act(tmp_path, recordings="::*.mcap", participants="controller")
     assert (code, log) == (0, ": :warning: :x ## [group].mcap controller: equal\n")

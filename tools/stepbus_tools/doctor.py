@@ -137,7 +137,7 @@ def _loaded(name: str, module: str) -> Finding:
 
 
 def extras() -> Iterator[Finding]:
-    """Report each extra: what it is for, what is missing, how to install it."""
+    """Yield a finding for each extra: its purpose, missing packages, the command to install it."""
     with contextlib.suppress(PackageNotFoundError):
         for extra, text in EXTRAS.items():
             lacking = [name for name in needed(extra) if _package(name).verdict != "ok"]

@@ -106,7 +106,7 @@ _KILO = "NJVAW"
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """Return by what to multiply numbers up to a size, and the unit they have then."""
+    """Return the factor and the prefixed unit for numbers up to a size."""
     size = abs(largest)
     if _TAKES.match(unit) and size > 0 and math.isfinite(size):
         for factor, prefix in _PREFIXES:
@@ -125,11 +125,7 @@ def engineering(value: float, unit: str) -> str:
 
 def run_sample(number: int) -> str:
     """Return how the lines of a run are drawn, by its place among several."""
-    return line_sample(f"l6 run{number % 4}" if number else "l6")
-
-
-def line_sample(style: str) -> str:
-    """Return how lines of some classes are drawn."""
+    style = f"l6 run{number % 4}" if number else "l6"
     return (
         '<svg viewBox="0 0 40 8" class="sample" aria-hidden="true">'
         f'<path class="{style}" d="M0 4H40"/></svg>'
@@ -147,7 +143,7 @@ def png_figure(picture: bytes, caption: str, background: str = "") -> str:
 
 
 def figure(pixels: NDArray[np.uint8], caption: str, background: str = "") -> str:
-    """Return a picture with its caption; pixels: shape (rows, columns, 3), or 4 with what covers.
+    """Return a picture with its caption, as HTML; pixels: shape (rows, columns, 3 or 4 with alpha).
 
     Raises ExtraMissing without Pillow.
     """

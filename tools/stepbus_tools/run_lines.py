@@ -1,4 +1,4 @@
-"""What follows a run: report.html, report.png, and lines of its summary."""
+"""The hook after a run: writes report.html and report.png, returns lines of the summary."""
 
 from pathlib import Path
 

@@ -108,15 +108,10 @@ class PortResult(msgspec.Struct, frozen=True, kw_only=True):
     fields: tuple[FieldCount, ...]
     divergence: Divergence | None
 
-    @property
-    def first_step(self) -> float:
-        """Return the step of the first divergence; infinity without one."""
-        return math.inf if self.divergence is None else self.divergence.step
-
 
 def in_order(results: Iterable[PortResult]) -> list[PortResult]:
     """Return the results by the step of their first divergence; equal ones come last."""
-    return sorted(results, key=lambda result: result.first_step)
+    return sorted(results, key=lambda r: r.divergence.step if r.divergence else math.inf)
 
 
 def port_lines(

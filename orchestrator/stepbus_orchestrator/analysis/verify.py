@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed, argument
-from stepbus_orchestrator.processes.delays import Delays
+from stepbus_orchestrator.run.extensions.delays import Delays
 from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.inprocess.local_run import check_scenario
 from stepbus_orchestrator.run.reports import Observer
@@ -148,15 +148,16 @@ def verify(
     verification = Verification(results=(), folder=folder)
     try:
         for trial in trials:
-            delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
+            delays = Delays((seed, trial.number))
             options = Options(
                 out=folder / str(trial.number),
                 host=InProcess(owns_descriptors=owns_descriptors)
                 if trial.in_process
-                else Processes(start_order=trial.start_order, around=delays.around),
+                else Processes(start_order=trial.start_order),
+                extensions=[delays] if trial.delayed else [],
             )
             result = run(_changed(scenario, trial), options, observer, interrupt)
-            done = TrialResult(trial=trial, result=result, delays=sum(delays.counts.values()))
+            done = TrialResult(trial=trial, result=result, delays=delays.count)
             on_result(done, len(trials))
             verification = Verification(results=(*verification.results, done), folder=folder)
             if verification.failed or verification.different:

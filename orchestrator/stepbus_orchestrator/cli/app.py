@@ -7,7 +7,6 @@ import difflib
 import inspect
 import re
 import sys
-import textwrap
 from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import NoReturn
@@ -232,17 +231,10 @@ def _row(argument: Argument) -> str:
 
 def _columns(label: str, text: str) -> str:
     """Return a label and its text, below it where the label is long."""
-    head, indent = f"  {label}", " " * _COLUMN
-    words = " ".join(text.split())
-    body = textwrap.fill(
-        words,
-        columns(),
-        initial_indent=indent,
-        subsequent_indent=indent,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-    return f"{head}\n{body}" if len(head) > _COLUMN - 2 else f"{head:{_COLUMN}}{body[_COLUMN:]}"
+    head, words = f"  {label}", " ".join(text.split())
+    if len(head) > _COLUMN - 2:
+        return f"{head}\n{fold(' ' * _COLUMN + words, columns())}"
+    return fold(f"{head:{_COLUMN}}{words}", columns(), " " * (_COLUMN - 2))
 
 
 # --- commands of its own -----------------------------------------------------------------------

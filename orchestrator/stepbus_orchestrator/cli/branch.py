@@ -8,12 +8,11 @@ from typing import Any
 from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.analysis.divergence import port_lines
 from stepbus_orchestrator.cli import commands
-from stepbus_orchestrator.cli.rerun import new_folder
+from stepbus_orchestrator.cli.rerun import check_trust, new_folder
 from stepbus_orchestrator.cli.run import after_run
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error, say
-from stepbus_orchestrator.cli.trust import check_trust
 from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import Recording

@@ -193,7 +193,7 @@ class Types(Command, work="scenarios", group="look"):
     json: Json = False
 
 
-class Recover(Command, work="recover", group="look"):
+class Recover(Command, work="info", group="look"):
     """Recover a truncated or corrupt recording.
 
     Reads an MCAP file up to its first damaged record and writes the intact part to a new file, with

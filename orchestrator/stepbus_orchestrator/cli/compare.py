@@ -7,10 +7,10 @@ import msgspec
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.tolerance import Tolerance, parse_tolerance, read_tolerance
 from stepbus_orchestrator.cli.commands import Diff, Replay, Tolerances
+from stepbus_orchestrator.cli.rerun import check_trust
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
-from stepbus_orchestrator.cli.trust import check_trust
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import ReplayResult, replay

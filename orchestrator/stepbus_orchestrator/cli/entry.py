@@ -7,12 +7,11 @@ import gc
 import os
 import signal
 import sys
-import threading
 from collections.abc import Callable, Sequence
 
 from stepbus_orchestrator.processes import PYTHON
 
-from .signals import INTERRUPTED, REPORT_THREAD, SENTENCE, SIGNALS, interrupt, leave, on_signals
+from .signals import INTERRUPTED, SENTENCE, SIGNALS, interrupt, leave, on_signals
 
 _IN_PROCESS = "--in-process"
 _INTERNAL = 1
@@ -43,9 +42,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         settle(code)
     else:
         code = _run_command()
-    if any(thread.name == REPORT_THREAD for thread in threading.enumerate()):
-        # Nothing waits for a report that was interrupted.
-        os._exit(code)
     # To look for garbage once more, as Python does at its end, takes longer than most here.
     # But libraries of participants (nanobind) print what they call leaks without it.
     gc.freeze()

@@ -1,4 +1,4 @@
-"""`stepbus info`: what is in a recording, in ten lines."""
+"""`stepbus info`: what is in a recording, in ten lines; `recover`: rebuild a damaged one."""
 
 import contextlib
 from collections import Counter
@@ -9,18 +9,15 @@ import msgspec
 
 from stepbus_orchestrator.cli import commands
 from stepbus_orchestrator.cli.terminal.output import Answer
-from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.recording import Recording, Recovery, layout, recover
 from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.run.result import RESULT_FILE, result_beside
 from stepbus_orchestrator.scenario.ports import RECORD_ALL
 from stepbus_participant import parse_duration
 from stepbus_schemas import Event, StepbusError
 
-_FEW_TYPES, _MOST_TYPES, _MOST_TOPICS = 4, 2, 3
+_MOST_TYPES, _MOST_TOPICS = 4, 3
 _MAIN = ("python", "stepbus")
-_PYTHON = "Python "
-_FEW_PER_S = 10
-_MEGABYTE = 10**6
 _OF_MACHINE = ("machine", "cpu")
 _OF_EVERY_RUN = (layout.CHAIN_TYPE, layout.CALLS_TYPE)
 
@@ -41,7 +38,8 @@ class Info(msgspec.Struct, frozen=True, kw_only=True):
     incomplete: participant → first step whose outputs are missing. holes: gaps between its
     messages. partly: topic that is not recorded whole → how it is. programs: what was started.
     versions: name → library → version. events: level → how many. size: of the recording [bytes];
-    folder_size: with all that is beside it, where it is in the folder of a run.
+    folder_size: with all that is beside it, where it is in the folder of a run. duration_s: length
+    in simulated time [s].
     """
 
     recording: str
@@ -64,19 +62,14 @@ class Info(msgspec.Struct, frozen=True, kw_only=True):
     folder_size: int | None
     versions: Mapping[str, Mapping[str, str]]
     messages_sha256: str
-
-    @property
-    def duration_s(self) -> float | None:
-        """Return how long it is in simulated time [s]."""
-        return None if self.step_ns is None else self.steps * self.step_ns * 1e-9
+    duration_s: float | None
 
 
 def info_command(given: commands.Info) -> Answer:
     """Return what is in a recording."""
     with Recording(given.recording) as opened:
         found = _info(opened)
-    return Answer(value={**msgspec.structs.asdict(found), "duration_s": found.duration_s},
-                  lines=[line.replace("\n", " ") for line in _lines(found)])  # fmt: skip
+    return Answer(value=found, lines=[line.replace("\n", " ") for line in _lines(found)])
 
 
 def _info(recording: Recording) -> Info:
@@ -91,12 +84,13 @@ def _info(recording: Recording) -> Info:
     faults = recording.metadata.get(layout.FAULTS_METADATA, {})
     ended = None if recording.cut_short else result
     files = beside.rglob("*") if is_run else ()
+    steps = ended.steps if ended else min((recorded_end(recording), *missing.values()))
     return Info(
         recording=str(recording.path),
         scenario=str(scenario.get("name") or ""),
         outcome=result.outcome if result else "",
         reason=result.reason if result else "",
-        steps=ended.steps if ended else min((recorded_end(recording), *missing.values())),
+        steps=steps,
         planned_steps=planned_ns // step_ns if step_ns and planned_ns else None,
         step_ns=step_ns,
         wall_s=result.wall_s if result else None,
@@ -112,6 +106,7 @@ def _info(recording: Recording) -> Info:
         folder_size=sum(file.stat().st_size for file in files if file.is_file()) or None,
         versions=layout.versions_of(recording.metadata),
         messages_sha256=recording.messages_sha256,
+        duration_s=steps * step_ns * 1e-9 if step_ns else None,
     )
 
 
@@ -130,7 +125,7 @@ def _programs(scenario: Mapping[str, Any]) -> dict[str, str]:
 
 def _program(row: Mapping[str, Any]) -> str:
     if "participant" in row:
-        return f"{_PYTHON}{row['participant']}"
+        return f"Python {row['participant']}"
     words = row.get("exec")
     program = " ".join(map(str, words)) if isinstance(words, list) else str(words or "external")
     bridge = row.get("bridge")
@@ -161,12 +156,14 @@ def _events(recording: Recording) -> Counter[str]:
 
 
 def _lines(info: Info) -> Iterator[str]:
-    yield f"recording {info.recording}, {_bytes(info)}"
+    more = f"; {shown_size(info.folder_size)} in the run folder" if info.folder_size else ""
+    yield f"recording {info.recording}, {shown_size(info.size)}{more}"
     yield f"scenario  {info.scenario or 'none recorded'}"
     yield f"outcome   {_outcome(info)}"
     yield f"length    {_length(info)}"
     yield from (f"hole      {hole}" for hole in info.holes)
-    yield f"programs  {_started(info.programs)}"
+    programs = ", ".join(f"{name} ({program})" for name, program in info.programs.items())
+    yield f"programs  {programs or 'none recorded'}"
     yield from _messages(info)
     levels = ", ".join(f"{count} {level}" for level, count in info.events.items())
     yield f"events    {levels or 'none'}; faults injected: {', '.join(info.faults) or 'none'}"
@@ -176,14 +173,9 @@ def _lines(info: Info) -> Iterator[str]:
     )
 
 
-def _bytes(info: Info) -> str:
-    more = f"; {shown_size(info.folder_size)} in the run folder" if info.folder_size else ""
-    return f"{shown_size(info.size)}{more}"
-
-
-def shown_size(size: float) -> str:
+def shown_size(size: int) -> str:
     """Return a size [bytes] as people read it."""
-    return f"{size / 1e6:.1f} MB" if size >= _MEGABYTE else f"{size / 1e3:.0f} kB"
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.0f} kB"
 
 
 def _outcome(info: Info) -> str:
@@ -208,24 +200,17 @@ def _length(info: Info) -> str:
     return text
 
 
-def _started(programs: Mapping[str, str]) -> str:
-    """Return which participants there are, those in Python together."""
-    python = [name for name, program in programs.items() if program.startswith(_PYTHON)]
-    others = [f"{name} ({row})" for name, row in programs.items() if name not in python]
-    rows = [*([f"{', '.join(python)} (Python)"] if python else []), *others]
-    return ", ".join(rows) or "none recorded"
-
-
 def _messages(info: Info) -> Iterator[str]:
     """Yield how many messages there are, and the types with most of them, in two lines."""
     total = sum(row.messages for row in info.ports)
     ports = sum(len(row.topics) for row in info.ports)
-    yield f"messages  {total} of {ports} ports{_per_s(total, info.duration_s)}"
+    rate = f", {total / info.duration_s:.3g}/s" if info.duration_s else ""
+    yield f"messages  {total} of {ports} ports{rate}"
     most = sorted(info.ports, key=lambda row: -row.messages)
     shown = [
         f"{row.messages} {row.type} ({', '.join(row.topics[:_MOST_TOPICS])}"
         f"{' …' * (len(row.topics) > _MOST_TOPICS)})"
-        for row in most[: len(most) if len(most) <= _FEW_TYPES else _MOST_TYPES]
+        for row in most[:_MOST_TYPES]
     ]
     left = len(most) - len(shown)
     more = [f"{left} more (--json)"] if left else []
@@ -236,11 +221,6 @@ def _messages(info: Info) -> Iterator[str]:
         yield f"recorded  all but {', '.join(rows)}"
 
 
-def _per_s(count: int, duration_s: float | None) -> str:
-    rate = count / duration_s if duration_s else 0.0
-    return f", {rate:.0f}/s" if rate >= _FEW_PER_S else f", {rate:.2g}/s" if rate else ""
-
-
 def _versions(versions: Mapping[str, Mapping[str, str]]) -> str:
     """Return the versions of Python and stepbus, how many others there are, and the machine."""
     own = versions.get(layout.ORCHESTRATOR, {})
@@ -249,3 +229,43 @@ def _versions(versions: Mapping[str, Mapping[str, str]]) -> str:
     rows = [f"{library} {own[library]}" for library in _MAIN if library in own]
     rows += [f"{left} libraries (--json)"] if left else []
     return ", ".join([*rows, *(own[key] for key in _OF_MACHINE if key in own)]) or "none recorded"
+
+
+def recover_command(given: commands.Recover) -> Answer:
+    """Rebuild the recording, and return what was lost."""
+    source = layout.recording_file(given.recording)
+    target = given.out or source.with_name(f"{source.stem}.recovered.mcap")
+    recovery = recover(source, source if given.in_place else target, in_place=given.in_place)
+    value = {**vars(recovery), "missing_steps": recovery.missing_steps}
+    return Answer(value=value, lines=_recovered(recovery))
+
+
+def _recovered(recovery: Recovery) -> Iterator[str]:
+    """Yield what was kept and what was lost, in sentences."""
+    is_cut = recovery.cut_step is not None
+    state = "it has holes" if recovery.holes else "undamaged"
+    state = recovery.damage or ("it ends in the middle of a step" if is_cut else state)
+    yield f"{recovery.source}: {state}"
+    kept = f"{recovery.messages} messages up to step {recovery.last_step}"
+    yield (
+        f"kept {kept if recovery.messages else 'no messages'}; attachments: "
+        f"{recovery.attachments}, metadata records: {recovery.metadata}"
+    )
+    if recovery.cut_step is not None:
+        yield layout.incomplete(recovery.cut_step)
+    if recovery.damage:
+        yield _loss(recovery)
+    yield from (f"hole: {hole}" for hole in recovery.holes)
+    yield f"wrote {recovery.target}"
+
+
+def _loss(recovery: Recovery) -> str:
+    if recovery.only_index_lost:
+        return f"lost only the index ({recovery.lost_bytes} bytes), which was rebuilt"
+    lost = f"lost the last {recovery.lost_bytes} bytes, from byte {recovery.kept_bytes} on"
+    if recovery.planned_steps is None:
+        return lost
+    return (
+        f"{lost}; {recovery.missing_steps} of the scenario's {recovery.planned_steps} steps "
+        "are missing"
+    )

@@ -7,7 +7,7 @@ import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.util import find_spec
+from importlib.resources import files
 from pathlib import Path
 
 from stepbus_orchestrator.cli.commands import New
@@ -91,25 +91,14 @@ def _contents(starter: Starter, name: str) -> Iterator[tuple[Path, str]]:
                 # Under another name, with the world beside it.
                 text = _WORLD.sub("world.yaml", _NAME.sub(f"name: {name}", text, count=1))
             yield Path(target, file.relative_to(source)), text
-    model = _model_folder()
+    model = files("stepbus_scenarios") / "two_link"
     for model_file in _MODEL_FILES:
         yield Path(model_file), (model / model_file).read_text(encoding="utf-8")
 
 
 def _source(folder: str) -> Path:
     """Return a folder of this package, of the checkout, or of the copy the wheel has of that."""
-    roots = (_PACKAGE, _CHECKOUT)
-    sources = [root / folder for root in roots if (root / folder).is_dir()]
-    if not sources:
-        raise WiringError(f"the template files of {folder} are missing; reinstall stepbus")
-    return sources[0]
-
-
-def _model_folder() -> Path:
-    spec = find_spec("stepbus_scenarios")
-    if spec is None or not spec.submodule_search_locations:
-        raise WiringError("the package stepbus_scenarios is missing; reinstall stepbus")
-    return Path(next(iter(spec.submodule_search_locations))) / "two_link"
+    return next(root / folder for root in (_PACKAGE, _CHECKOUT) if (root / folder).is_dir())
 
 
 def _scenario_name(folder: Path) -> str:

@@ -9,13 +9,14 @@ from stepbus_orchestrator.cli import commands
 from stepbus_orchestrator.cli.run import after_run
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
-from stepbus_orchestrator.cli.terminal.output import Answer, say
-from stepbus_orchestrator.cli.trust import check_trust
-from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.cli.terminal.output import Answer, print_error, say
+from stepbus_orchestrator.errors import ExitCode, Untrusted, indented
 from stepbus_orchestrator.plugins import RERUNS, points
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
 from stepbus_orchestrator.replay.rerun import Preparation, Rerun
+from stepbus_orchestrator.replay.sources import Recorded
+from stepbus_orchestrator.replay.trust import programs_of
 from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import WiringError
 
@@ -45,6 +46,22 @@ def rerun_command(given: commands.Rerun) -> Answer:
     with displayed(title, quiet=given.json) as display, interruptible() as interrupt:
         done = preparation.run(display, interrupt)
     return _answer(done, done.notes[len(preparation.notes) :])
+
+
+def check_trust(
+    opened: Recorded, participant: str | None = None, *, trust: bool, own_program: bool = False
+) -> None:
+    """Raise Untrusted for programs that are not the user's, unless `trust`; name edited files."""
+    programs = programs_of(opened, participant, own_program=own_program)
+    if not (programs.is_yours or trust):
+        rows = "\n".join(f"  {indented(line)}" for line in programs.lines())
+        raise Untrusted(
+            f"{opened.path} contains programs that are not those of your scenario. They would run "
+            f"with your permissions:\n{rows}\nnothing was started; if you trust these programs, "
+            "use --trust"
+        )
+    for note in programs.notes():
+        print_error(note)
 
 
 def new_folder(recording: Path, suffix: str) -> Path:

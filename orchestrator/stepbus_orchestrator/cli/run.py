@@ -1,14 +1,11 @@
 """`stepbus run`: run a scenario, show its progress and its result."""
 
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 from stepbus_orchestrator.cli.commands import Run
-from stepbus_orchestrator.cli.signals import REPORT_THREAD, interruptible
+from stepbus_orchestrator.cli.signals import interruptible, interrupting
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
@@ -28,19 +25,16 @@ from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.program import check_installed
-from stepbus_participant import whole_steps
+from stepbus_participant import parse_duration, whole_steps
 from stepbus_schemas import StepbusError, WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.
 _MOST_WARNINGS = 10
-_POLL_S = 0.1
 _NO_REPORT = "no plots  the report was interrupted; the recording and result.json are complete"
 
 
 def run_command(given: Run) -> int:
     """Run a scenario, show its progress, and print its result."""
-    # Else it would be the scenario that cannot be read.
-    check_limits(1)
     loaded = _load(given)
     is_quiet = given.json or bool(given.debug)
     has_keys = has_terminal() and not is_quiet
@@ -49,12 +43,13 @@ def run_command(given: Run) -> int:
             "--pause-at needs --view or an interactive terminal to resume the run; it "
             "cannot be combined with --json or --debug"
         )
+    # Before there is a folder.
     check_installed(loaded)
     check_limits(len(loaded.participants))
     # Beside JSON, the lines have no reader, and they take as long as the recording of the run.
     is_read = not (given.json and given.no_report)
-    if is_read:
-        _load_after_run()
+    for point in points(AFTER_RUN) if is_read else ():
+        point.load()
     pace = Pace(_step(given.pause_at, loaded.step_ns))
     options = Options(
         out=given.out or default_folder(loaded, Path("runs")),
@@ -103,8 +98,7 @@ def _load(given: Run) -> Scenario:
         names = external_names(scenario)
         if not names:
             raise WiringError("--join-timeout is for participants with `start: external`")
-        overrides += [f"{name}.spawn_timeout={given.join_timeout}" for name in names]
-        scenario = load(given.scenario, overrides, given.faults)
+        scenario = scenario.changed(names, spawn_timeout_ns=parse_duration(given.join_timeout))
     return without_deadlines(scenario, [*given.debug, *given.no_deadline])
 
 
@@ -124,35 +118,22 @@ def _extensions(given: Run, step_ns: int) -> Iterator[RunExtension]:
         yield Profile()
 
 
-@cache
-def _load_after_run() -> list[Any]:
-    return [point.load() for point in points(AFTER_RUN)]
-
-
 def after_run(result: Result, *, has_plots: bool, is_interrupted: bool = False) -> list[str]:
-    """Write what installed packages do, such as a report; return what they say of the run."""
+    """Call what installed packages do after a run, such as a report; return their summary lines."""
     if not result.recording.exists() or result.steps == 0:
         return []
     if is_interrupted and not result.exit_code:
         return [_NO_REPORT]
     lines: list[str] = []
-    # A thread can be left alone; an exception might be swallowed, as in a destructor.
-    thread = threading.Thread(
-        target=_call_after_run, args=(result, has_plots, lines), name=REPORT_THREAD, daemon=True
-    )
-    thread.start()
-    with interruptible() as interrupt:
-        while thread.is_alive() and not interrupt.is_set():
-            thread.join(_POLL_S)
-    return [_NO_REPORT] if interrupt.is_set() else lines
-
-
-def _call_after_run(result: Result, has_plots: bool, lines: list[str]) -> None:
     try:
-        for call in _load_after_run():
-            lines += call(result.recording, has_plots=has_plots)
+        with interrupting():
+            for point in points(AFTER_RUN):
+                lines += point.load()(result.recording, has_plots=has_plots)
+    except KeyboardInterrupt:
+        return [_NO_REPORT]
     except (StepbusError, OSError, MemoryError) as exc:
         lines.append(f"no report {str(exc) or 'out of memory'}")
+    return lines
 
 
 def _summary(result: Result, lines: Sequence[str]) -> Iterator[str]:

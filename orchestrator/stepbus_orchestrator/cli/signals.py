@@ -12,8 +12,6 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """All end a command with the same exit code."""
 INTERRUPTED = 130
 SENTENCE = "stepbus: interrupted\n"
-REPORT_THREAD = "report"
-"""Name of the thread that goes on with a report that was interrupted."""
 
 
 def on_signals(
@@ -36,6 +34,17 @@ def leave(_number: int, _frame: FrameType | None) -> None:
 def interrupt(_number: int, _frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt."""
     raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def interrupting() -> Iterator[None]:
+    """Let the signals raise KeyboardInterrupt while this is open."""
+    before = on_signals(interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

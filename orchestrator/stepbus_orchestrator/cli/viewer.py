@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
 
 from stepbus_orchestrator.cli.terminal.output import print_error
 from stepbus_schemas import WiringError
@@ -18,7 +17,6 @@ _START_S = 30.0
 _END_S = 5.0
 _POLL_S = 0.1
 _COMMAND = [sys.executable, "-P", "-m", "stepbus_orchestrator.cli", "view"]
-_PREFIX, _INTERRUPTED = "stepbus: ", "interrupted"
 
 
 @contextlib.contextmanager
@@ -27,16 +25,15 @@ def viewed(folder: Path, *, opens: bool, stays: bool, interrupt: threading.Event
 
     folder: of the run, which may not be there yet. opens: whether the view opens a browser. stays:
     after the run, it shows the recording until the user ends this process, which sets `interrupt`.
-    Raises WiringError when the view cannot start; the run does not wait for one that does nothing.
+    Raises WiringError when the view, which has printed why, cannot start; the run does not wait for
+    one that does nothing.
     """
     options = [*([] if stays else ["--until-end"]), *([] if opens else ["--no-open"])]
     viewer = subprocess.Popen(
         [*_COMMAND, str(folder), "--follow", *options],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
         encoding="utf-8",
-        errors="replace",
     )
     try:
         _announce(viewer, interrupt)
@@ -61,31 +58,17 @@ def _announce(viewer: subprocess.Popen[str], interrupt: threading.Event) -> None
     Raises WiringError for one that cannot start, KeyboardInterrupt where the user ends this.
     """
     give_up = time.monotonic() + _START_S
-    stdout, stderr = viewer.stdout, viewer.stderr
-    if stdout is None or stderr is None:
+    if (stdout := viewer.stdout) is None:
         return
-    try:
-        while not select.select([stdout], [], [], _POLL_S)[0]:
-            if interrupt.is_set():
-                raise KeyboardInterrupt
-            if time.monotonic() > give_up:
-                print_error(
-                    f"the view (pid {viewer.pid}) has not started after "
-                    f"{_START_S:.0f} s; is its process stopped? The run starts without it"
-                )
-                return
-        if not (place := stdout.readline().strip()):
-            why = stderr.read().strip().rpartition("\n")[2]
-            raise WiringError(why.removeprefix(_PREFIX) or "cannot start the view")
-        print_error(place)
-    finally:
-        threading.Thread(target=pass_on, args=(stderr,), name="viewer", daemon=True).start()
-
-
-def pass_on(stream: IO[str]) -> None:
-    """Print what a view complains of; that it is ended with the run is no news."""
-    with stream:
-        for line in stream:
-            text = line.rstrip().removeprefix(_PREFIX)
-            if text != _INTERRUPTED:
-                print_error(text)
+    while not select.select([stdout], [], [], _POLL_S)[0]:
+        if interrupt.is_set():
+            raise KeyboardInterrupt
+        if time.monotonic() > give_up:
+            print_error(
+                f"the view (pid {viewer.pid}) has not started after "
+                f"{_START_S:.0f} s; is its process stopped? The run starts without it"
+            )
+            return
+    if not (place := stdout.readline().strip()):
+        raise WiringError("the view cannot start, so the run does not either")
+    print_error(place)

@@ -30,15 +30,14 @@ class Chunk:
     """The chunk that is being filled; the builder of mcap calls four functions for each message.
 
     records: what it holds, in order, some in two pieces. size: of these [bytes]. indexes: channel →
-    log time and offset of each of its messages, one behind the other. earliest, latest: log times.
-    is_big: whether it has a message of more than `BIG_BYTES`.
+    log time and offset of each of its messages, one behind the other. is_big: whether it has a
+    message of more than `BIG_BYTES`.
     """
 
     def __init__(self) -> None:
         self.records: list[bytes] = []
         self.size = 0
         self.indexes: dict[int, list[int]] = {}
-        self.earliest = self.latest = 0
         self.is_big = False
 
     def content(self) -> bytes:
@@ -72,8 +71,9 @@ def encode_chunk(chunk: Chunk) -> Encoded:
         whole = _compressed(b"".join(content), compressor)
         if not chunk.is_big or len(whole) <= _WORTH_IT * chunk.size:
             packed, compression, packed_size = [whole], "zstd", len(whole)
-    times = chunk.earliest, chunk.latest
-    record = mcap.Chunk(compression, b"", times[1], times[0], crc, chunk.size)
+    times = [t_ns for entries in chunk.indexes.values() for t_ns in entries[::2]]
+    earliest, latest = min(times), max(times)
+    record = mcap.Chunk(compression, b"", latest, earliest, crc, chunk.size)
     head = bytearray(bytes_of(record))
     # The bytes that belong here are other parts: they are not copied.
     _SIZE.pack_into(head, 1, len(head) - HEAD.size + packed_size)
@@ -89,10 +89,10 @@ def encode_chunk(chunk: Chunk) -> Encoded:
         chunk_start_offset=0,
         compression=compression,
         compressed_size=packed_size,
-        message_end_time=chunk.latest,
+        message_end_time=latest,
         message_index_length=len(indexes),
         message_index_offsets=offsets,
-        message_start_time=chunk.earliest,
+        message_start_time=earliest,
         uncompressed_size=chunk.size,
     )
     # The checksum of what is stored as it is has been computed already.

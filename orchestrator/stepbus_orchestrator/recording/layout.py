@@ -130,7 +130,7 @@ def channel_metadata(
 
 
 def incomplete(step: int) -> str:
-    """Return what is said of the last step of a recording that was ended in its midst."""
+    """Return the note on the last step of a recording that was ended within it."""
     return f"step {step}, the last one, is incomplete and was skipped"
 
 

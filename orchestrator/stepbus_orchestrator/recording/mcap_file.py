@@ -159,12 +159,6 @@ class McapFile:
 
     def _fill(self, messages: Sequence[tuple[int, bytes]], t_ns: int, sequence: int) -> None:
         chunk, pack = self._chunk, _MESSAGE.pack
-        if not chunk.indexes:
-            chunk.earliest = chunk.latest = t_ns
-        elif t_ns > chunk.latest:
-            chunk.latest = t_ns
-        elif t_ns < chunk.earliest:
-            chunk.earliest = t_ns
         records, indexes, size = chunk.records, chunk.indexes, chunk.size
         for channel, data in messages:
             index = indexes.get(channel)

@@ -52,7 +52,7 @@ class Recovery:
 
 
 def recover(source: Path, target: Path, *, in_place: bool = False, disk: Disk = os) -> Recovery:
-    """Write all complete records of a recording to a new one, in the recorded order.
+    """Write all complete records of a recording to a new one, its messages in the recorded order.
 
     source: an MCAP file, uncompressed or zstd; it is only read. target: appears when it is
     complete; may exist, or be the source, only with `in_place`. disk: writes it.

@@ -66,14 +66,15 @@ class Summary:
 
     def add_chunk(self, encoded: Encoded, start: int) -> None:
         """Add a chunk that is in the file; start: where it begins [bytes]."""
-        chunk, row = encoded.chunk, encoded.row
+        row = encoded.row
         row.chunk_start_offset = start
         for channel in row.message_index_offsets:
             row.message_index_offsets[channel] += start
+        start_ns = row.message_start_time
         is_first = not self._counts[Opcode.CHUNK_INDEX]
-        self._earliest = chunk.earliest if is_first else min(self._earliest, chunk.earliest)
-        self._latest = max(self._latest, chunk.latest)
-        for channel, entries in chunk.indexes.items():
+        self._earliest = start_ns if is_first else min(self._earliest, start_ns)
+        self._latest = max(self._latest, row.message_end_time)
+        for channel, entries in encoded.chunk.indexes.items():
             self._message_counts[channel] += len(entries) // 2
         self._add(Opcode.CHUNK_INDEX, bytes_of(row))
 

@@ -9,19 +9,17 @@ from collections.abc import Sequence
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import (
+    PROGRAM,
     check_whole,
     recorded_end,
     replayable_steps,
+    rewired,
 )
 from stepbus_orchestrator.scenario.faults import format_fault
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import suggest, whole_steps
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import CallRecord, WiringError
-
-_KEPT = ("every", "publishes", "inputs", "outputs")
-"""They decide who reads what at which step: a branch keeps them."""
-_CHANGEABLE = ("participant", "exec", "bridge", "params")
 
 
 class Change:
@@ -59,29 +57,19 @@ class Change:
 
     def participants(self) -> list[str]:
         """Return the participants that are not those of the recording."""
+        pairs = [(now, self._recorded.participant(now.name)) for now in self.scenario.participants]
         return [
-            spec.name
-            for spec in self.scenario.participants
-            if self._differing(spec.name, _CHANGEABLE)
+            now.name
+            for now, was in pairs
+            if any(getattr(now, key) != getattr(was, key) for key in PROGRAM)
         ]
-
-    def _differing(self, name: str, keys: tuple[str, ...]) -> list[str]:
-        now, was = self.scenario.participant(name), self._recorded.participant(name)
-        return [f"{name}.{key}" for key in keys if getattr(now, key) != getattr(was, key)]
 
     def _check_wiring(self) -> None:
         """Raise WiringError for a change of what decides who reads what at which step."""
         was, now = self._recorded, self.scenario
         names = [spec.name for spec in was.participants]
-        facts = {
-            "step": was.step_ns == now.step_ns,
-            "seed": was.seed == now.seed,
-            "participants": names == [spec.name for spec in now.participants],
-        }
-        changed = [key for key, is_same in facts.items() if not is_same]
-        if facts["participants"]:
-            changed += [key for name in names for key in self._differing(name, _KEPT)]
-        if changed:
+        is_same = names == [spec.name for spec in now.participants]
+        if changed := rewired(was, now, names) if is_same else ["participants"]:
             raise WiringError(
                 f"{', '.join(changed)}: a branch cannot change step, seed, ports or "
                 "rates; it can change parameters, programs, deadlines, duration, window "
@@ -91,10 +79,6 @@ class Change:
     def _check_step(self, recording: Recording) -> None:
         """Raise RecordingFailed where the recording does not have all that is below a step."""
         check_whole(recording, self._recorded, [s.name for s in self._recorded.participants])
-        if holes := recording.holes():
-            raise RecordingFailed(
-                f"{recording.path} has a hole: {'; '.join(holes)}; record the run again"
-            )
         end, at = recorded_end(recording), self.at
         planned, has_failed = self._recorded.steps, layout.INCOMPLETE_METADATA in recording.metadata
         if recording.cut_short or has_failed or planned is None or end < planned:

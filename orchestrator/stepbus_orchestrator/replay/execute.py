@@ -59,6 +59,8 @@ class Replayed(Repetition):
     Raises ParticipantFault for a message that is not of its port's type.
     """
 
+    is_star = True
+
     def __init__(
         self,
         recording: Recording,
@@ -113,24 +115,24 @@ class Replayed(Repetition):
         except MessageError:
             return -1
 
-    def describes_otherwise(self, name: str, port: str) -> None:
-        """Note it."""
-        self.notes.append(f"{name}/{port}: its description (names, units, limits) has changed")
+    def differs(self, name: str, step: int, what: str) -> None:
+        """Note a description that has changed; messages are counted."""
+        if step < 0:
+            self.notes.append(f"{name} {what}")
 
     def compare_step(self, name: str, step: int, recorded: Ports, own: Ports) -> None:
         """Compare what the participant has published at a step."""
+        for port, data in own.items():
+            try:
+                if data != recorded.get(port):
+                    self.comparisons[name][port].decode(data)
+            except MessageError as exc:
+                when = at(step, self._step_ns)
+                raise ParticipantFault(
+                    f"{when}: {name}.{port} is {exc}", participant=name, step=step
+                ) from exc
         super().compare_step(name, step, recorded, own)
         self._next = step + self.spec.every
-
-    def differs(self, name: str, port: str, step: int, own: bytes | None) -> None:
-        """Raise ParticipantFault where the message is not of its port's type."""
-        try:
-            if own is not None:
-                self.comparisons[name][port].decode(own)
-        except MessageError as exc:
-            raise ParticipantFault(
-                f"{at(step, self._step_ns)}: {name}.{port} is {exc}", participant=name, step=step
-            ) from exc
 
     def miss_below(self, end: int) -> None:
         """Count all recorded outputs of steps below `end` that did not come as missing."""
@@ -213,7 +215,14 @@ def replay(
     ports = replayed.results()
     divergence = ports[0].divergence if ports else None
     here = Path.cwd()
-    copied = [] if is_copy or file is not None else _copy_note(opened, participant)
+    notes = [f"the recording {flaw}" for flaw in opened.flaws()] + replayed.notes
+    if not is_copy and file is None and programs_of(opened, participant).files:
+        # The user may be working on another one.
+        notes.append(
+            "testing the copy in the recording, as its scenario is not in the current folder; give "
+            f"its folder with {argument('--source')}, or choose the copy with "
+            f"{argument('--recorded')}"
+        )
     return ReplayResult(
         recording=str(opened.path),
         participant=participant,
@@ -228,17 +237,8 @@ def replay(
         if file is None
         else str(file.relative_to(here) if file.is_relative_to(here) else file),
         changes=prepared.notes,
-        notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *replayed.notes, *copied],
+        notes=notes,
     )
-
-
-def _copy_note(recording: Recording, participant: str) -> list[str]:
-    """Return a note where the tested copy is of a program that the user may be working on."""
-    note = (
-        "testing the copy in the recording, as its scenario is not in the current folder; give its "
-        f"folder with {argument('--source')}, or choose the copy with {argument('--recorded')}"
-    )
-    return [note] if programs_of(recording, participant).files else []
 
 
 def _run(
@@ -255,7 +255,7 @@ def _run(
     folder: gets the participant's log.
     """
     name, recording = replayed.spec.name, replayed.recording
-    host = Processes(start_order=[name], has_slots=False)
+    host = Processes(start_order=[name])
     run = Run(
         scenario,
         sink,

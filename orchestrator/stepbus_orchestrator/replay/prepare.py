@@ -11,7 +11,7 @@ from msgspec import structs, to_builtins
 from stepbus_orchestrator.analysis.tolerance import differences, short
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.replay.recorded import check_whole, replayable_steps
+from stepbus_orchestrator.replay.recorded import PROGRAM, check_whole, replayable_steps, rewired
 from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.run.folder import read_files
 from stepbus_orchestrator.scenario.extend import read_extended
@@ -23,8 +23,6 @@ from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
 _NO_PROGRAM = "[python]"
-_TESTED = ("participant", "exec", "bridge", "params")
-"""What a replay tests: it is that of the user's scenario."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,10 +111,12 @@ def _from_source(
     today = _load(source, overrides, _programs(read_extended(source).data), participant)
     new, old = today.participant(participant), scenario.participant(participant)
     timeouts = (key for key in new.__struct_fields__ if key.endswith("_timeout_ns"))
-    spec = structs.replace(old, **{key: getattr(new, key) for key in (*_TESTED, *timeouts)})
+    spec = structs.replace(old, **{key: getattr(new, key) for key in (*PROGRAM, *timeouts)})
     specs = [spec if other is old else other for other in scenario.participants]
     today_files = find_files(today).paths
     values = list(_changed_values(old, new))
+    kept = ", ".join(rewired(scenario, today, [participant]))
+    unused = f"{kept}: changed since the recording; the replay uses the recorded values"
     return Prepared(
         scenario=dataclasses.replace(scenario, participants=tuple(specs), folder=source.parent),
         files=today_files,
@@ -125,7 +125,7 @@ def _from_source(
             *(argument("--set", value=text) for text in overrides),
             *_changed_files(recorded_files, read_files(today_files)),
             *values,
-            *_rewired(scenario, today, old, new),
+            *([unused] if kept else []),
         ],
     )
 
@@ -137,28 +137,13 @@ def _changed_files(recorded: Mapping[str, bytes], today: Mapping[str, bytes]) ->
 
 
 def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> Iterator[str]:
-    for key in _TESTED:
+    for key in PROGRAM:
         recorded, today = (to_builtins(getattr(spec, key)) for spec in (old, new))
         for item in differences(f"{old.name}.{key}", recorded, today, None):
             now, was = (
                 "absent" if value is None else short(value) for value in (item.second, item.first)
             )
             yield f"{item.path} is {now}, recorded {was}"
-
-
-def _rewired(
-    scenario: Scenario, today: Scenario, old: ParticipantSpec, new: ParticipantSpec
-) -> Iterator[str]:
-    """Yield what the user's scenario connects or times otherwise; a replay does not follow it."""
-    changed = [key for key in ("step_ns", "seed") if getattr(scenario, key) != getattr(today, key)]
-    changed = [key.removesuffix("_ns") for key in changed]
-    wiring = ("every", "publishes", "inputs", "outputs")
-    changed += [f"{old.name}.{key}" for key in wiring if getattr(old, key) != getattr(new, key)]
-    if changed:
-        yield (
-            f"{', '.join(changed)}: changed since the recording; the replay uses the "
-            "recorded values"
-        )
 
 
 def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:
@@ -168,11 +153,6 @@ def shorten(scenario: Scenario, recording: Recording, participant: str, window: 
     reads: it would be blamed for what was not recorded.
     """
     check_whole(recording, scenario, [participant])
-    holes = recording.holes()
-    if holes:
-        raise RecordingFailed(
-            f"{recording.path} has a hole: {'; '.join(holes)}; record the run again"
-        )
     steps = replayable_steps(recording, scenario, participant)
     if not steps:
         cut = recording.cut_short

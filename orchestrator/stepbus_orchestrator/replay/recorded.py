@@ -58,8 +58,23 @@ def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Descripti
     return outputs
 
 
+PROGRAM = ("participant", "exec", "bridge", "params")
+"""The keys of a participant that a replay tests, and that a branch may change."""
+_WIRING = ("every", "publishes", "inputs", "outputs")
+
+
+def rewired(was: Scenario, now: Scenario, names: Iterable[str]) -> list[str]:
+    """Return the differing keys of two scenarios that decide who reads what at which step."""
+    keys = ("step_ns", "seed")
+    changed = [key.removesuffix("_ns") for key in keys if getattr(was, key) != getattr(now, key)]
+    for name in names:
+        old, new = was.participant(name), now.participant(name)
+        changed += [f"{name}.{key}" for key in _WIRING if getattr(old, key) != getattr(new, key)]
+    return changed
+
+
 def check_whole(recording: Recording, scenario: Scenario, names: Iterable[str]) -> None:
-    """Raise RecordingFailed where participants read an output that is not recorded whole."""
+    """Raise RecordingFailed for holes, and where participants read what is not recorded whole."""
     for name in names:
         for item in scenario.participant(name).inputs.values():
             output = scenario.participant(item.source).outputs[item.port]
@@ -69,6 +84,10 @@ def check_whole(recording: Recording, scenario: Scenario, names: Iterable[str]) 
                     f"recorded (`record: {output.record}`), so it cannot be repeated "
                     "from this recording; record a run with `record: all` for that output"
                 )
+    if holes := recording.holes():
+        raise RecordingFailed(
+            f"{recording.path} has a hole: {'; '.join(holes)}; record the run again"
+        )
 
 
 def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int:

@@ -106,7 +106,8 @@ class Repetition(RunExtension):
                 recorded = self.recording.ports.get(topic_of(name, port))
                 now = self.run.descriptions.get(name, {}).get(port, Description())
                 if recorded is not None and recorded.description != now:
-                    self.describes_otherwise(name, port)
+                    what = f"describes {port} (names, units, limits) differently from the recording"
+                    self.differs(name, -1, what)
 
     def act(self) -> None:
         """Publish the recorded outputs of all steps that may be worked on; compare what came."""
@@ -154,7 +155,9 @@ class Repetition(RunExtension):
         """Compare what a participant has published at a step."""
         for port, comparison in self.comparisons[name].items():
             if not comparison.take(step, recorded.get(port), own.get(port)):
-                self.differs(name, port, step, own.get(port))
+                first = comparison.divergence
+                what = "" if first is None else first.detail("recording", "now")
+                self.differs(name, step, f"does not repeat the recording: {what}")
 
     def revise_call(self, call: CallRecord) -> CallRecord:
         """Compare a call that is made again; return what is to be recorded of it."""
@@ -164,19 +167,15 @@ class Repetition(RunExtension):
         if call.step < self.counts_from.get(call.participant, 0):
             return recorded
         if msgspec.msgpack.encode(call) != msgspec.msgpack.encode(recorded):
-            self.answers_otherwise(call, recorded)
+            what = (
+                f"answered the call {call.method} with {call.error or call.value!r}, but the "
+                f"recorded answer is {recorded.error or recorded.value!r}"
+            )
+            self.differs(call.participant, call.step, what)
         return call
 
-    # --- what follows from a difference ---------------------------------------------------
-
-    def describes_otherwise(self, name: str, port: str) -> None:
-        """Take note of an output that is described otherwise than recorded."""
-
-    def differs(self, name: str, port: str, step: int, own: bytes | None) -> None:
-        """Take note of a message that is not the recorded one; None: there is none."""
-
-    def answers_otherwise(self, call: CallRecord, recorded: CallRecord) -> None:
-        """Take note of an answer that is not the recorded one."""
+    def differs(self, name: str, step: int, what: str) -> None:
+        """React to a participant that does not repeat the recording; step: −1 before the first."""
 
 
 class Player:

@@ -1,10 +1,11 @@
-"""The seam for features: what an extension may do in a run, which knows none of them by name."""
+"""The seams of a run: what an extension may do in it, and the host on which it takes place."""
 
 from __future__ import annotations
 
 import functools
 import threading
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -19,7 +20,7 @@ from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.reports import Observer, Progress
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import Clock
+from stepbus_participant import Bus, Clock, Disk
 from stepbus_schemas import Message, error_text
 
 
@@ -87,6 +88,27 @@ class RunView(Protocol):
 
     def started(self, participant: ParticipantState) -> None:
         """Take a participant that has been started."""
+
+
+class Host(Protocol):
+    """Where a run takes place."""
+
+    @property
+    def clock(self) -> Clock:
+        """Return the time by which the run, and its buses, go."""
+
+    @property
+    def disk(self) -> Disk:
+        """Return what writes the files of the run."""
+
+    def alone(self, interrupt: threading.Event) -> AbstractContextManager[None]:
+        """Wait until no other run disturbs this one, and keep it so; raises Interrupted."""
+
+    def check(self, scenario: Scenario) -> None:
+        """Raise WiringError for a scenario that cannot run here, with every reason."""
+
+    def open(self, run: RunView) -> AbstractContextManager[tuple[Bus, Strategy]]:
+        """Open the bus of a run, and return how it gets its participants; end them all."""
 
 
 class RunExtension:

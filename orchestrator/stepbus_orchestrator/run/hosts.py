@@ -5,11 +5,10 @@ import dataclasses
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import ClassVar
 
-from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.slots import RunSlots, make_slots
@@ -29,16 +28,12 @@ class Processes:
     """Starts a process for each participant, and links them over Zenoh.
 
     start_order: names of the participants that are started, in this order; default: all, as in the
-    scenario. has_slots: whether bulk content goes through files, where all can (P17). around: is
-    entered before the first is started and left after the last has ended; it gets their processes
-    by name.
+    scenario.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     start_order: Sequence[str] | None = None
-    has_slots: bool = True
-    around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
 
     def alone(self, _interrupt: threading.Event) -> AbstractContextManager[None]:
         """Do nothing: no run disturbs another one."""
@@ -59,14 +54,10 @@ class Processes:
             mesh = make_mesh(started, launcher.folder, run.key, held, is_star=run.is_star)
             slots = RunSlots()
             # The orchestrator passes on what it plays.
-            if self.has_slots and not run.is_star:
+            if not run.is_star:
                 slots = make_slots(scenario, launcher)
             classes = [one.participant for one in specs if one.participant]
-            with (
-                warm_parent(classes),
-                self.around(launcher.children),
-                contextlib.ExitStack() as stack,
-            ):
+            with warm_parent(classes), contextlib.ExitStack() as stack:
                 bus = open_bus(mesh.orchestrator, run.key)
                 stack.callback(bus.close)
                 Live(run=run.key, token=run.token, endpoint=mesh.caller).save(run.out)

@@ -30,8 +30,7 @@ from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import Bus
 from stepbus_schemas import Message, Start, encode, reached
 
-from .extension import RunExtension, Strategy, overriding
-from .host import Host
+from .extension import Host, RunExtension, Strategy, overriding
 from .kernel.deadlines import check_bulk, check_closing, check_start, check_step
 from .kernel.failures import death, kept_thread, took_nothing
 from .kernel.messages import MessageHandler

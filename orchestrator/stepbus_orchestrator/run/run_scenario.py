@@ -12,7 +12,7 @@ import msgspec
 from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed, RunFailure, argument
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecorder, layout
-from stepbus_orchestrator.run.extension import RunExtension, overriding
+from stepbus_orchestrator.run.extension import Host, RunExtension, overriding
 from stepbus_orchestrator.run.extensions import with_defaults
 from stepbus_orchestrator.run.folder import (
     LOGS_FOLDER,
@@ -21,7 +21,6 @@ from stepbus_orchestrator.run.folder import (
     read_files,
     warnings_in,
 )
-from stepbus_orchestrator.run.host import Host
 from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.reports import Events, Observer
 from stepbus_orchestrator.run.result import Result, own_versions, result_of

@@ -47,11 +47,10 @@ def read_mjcf(path: Path) -> RobotDescription:
             spec = read_spec(path)
             model = _compiled(spec)
     except (ValueError, mujoco.FatalError) as exc:
-        reason = _one_line(exc).removeprefix("XML Error: ").removeprefix("Error: ")
-        raise WiringError(f"{path}: MuJoCo cannot compile it: {reason}") from exc
+        raise WiringError(f"{path}: MuJoCo cannot compile it: {one_line(exc)}") from exc
     if not np.isfinite(model.body_pos).all():
         raise WiringError(f"{path}: the position of a body is not finite")
-    notes = [f"MuJoCo warns: {_one_line(row.message)}" for row in given]
+    notes = [f"MuJoCo warns: {one_line(row.message)}" for row in given]
     return _Reader(path, spec, model).robot(notes)
 
 
@@ -96,8 +95,9 @@ def _compiled(spec: Any) -> Any:
     return spec.compile()
 
 
-def _one_line(message: object) -> str:
-    return " ".join(str(message).split())
+def one_line(message: object) -> str:
+    """Return a message of MuJoCo on one line."""
+    return " ".join(str(message).removeprefix("XML Error: ").removeprefix("Error: ").split())
 
 
 class _Reader:

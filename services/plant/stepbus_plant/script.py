@@ -34,7 +34,8 @@ class Blow(NamedTuple):
 class MovingBody:
     """Moves from where it is to a pose, at constant velocities.
 
-    seconds: how long it takes. blow: the first contact, once there was one.
+    seconds: how long it takes. blow: the first contact, once there was one; is_told: whether it has
+    been reported.
     """
 
     def __init__(self, engine: Engine, body: int, goal: Pose, seconds: float) -> None:
@@ -49,6 +50,7 @@ class MovingBody:
         self._spin = engine.geometry.spin_between(self._start[1], goal[1], seconds)
         self._touched = {contact.other for contact in engine.contacts(body)}
         self.blow: Blow | None = None
+        self.is_told = False
 
     @property
     def is_there(self) -> bool:
@@ -92,7 +94,6 @@ class Script:
         self._events: list[str] = []
         self.jammed: dict[str, float] = {}
         self._moving: dict[str, MovingBody] = {}
-        self._hit: set[str] = set()
         self.has_moved = False
 
     def move(self, t_ns: int, name: str, position: Point, yaw: float | None) -> None:
@@ -185,14 +186,12 @@ class Script:
         """Tell what moving bodies have hit, and forget those that have arrived."""
         names = self._names() if self._moving else {}
         for name, moving in list(self._moving.items()):
-            if moving.blow is not None and name not in self._hit:
-                self._hit.add(name)
-                blow = moving.blow
+            if (blow := moving.blow) is not None and not moving.is_told:
+                moving.is_told = True
                 text = f"{names[blow.one]} hits {names[blow.other]} with {blow.force:.0f} N"
                 self.record(t_ns, text)
             if moving.is_there:
                 del self._moving[name]
-                self._hit.discard(name)
 
     def _jam(self, joint: Joint) -> str:
         """Lock a joint at its current position."""

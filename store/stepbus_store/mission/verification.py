@@ -10,7 +10,6 @@ from stepbus_store.mission.goals import ODOMETRY
 from stepbus_store.mission.report import SaleResult
 from stepbus_store.mission.state import Outcome, StoreState
 from stepbus_store.mission.state_table import STATES
-from stepbus_store.mission.witness import Witness
 from stepbus_store.poses import yaw_of
 
 _AIMS = 2
@@ -109,19 +108,30 @@ def _locate(store: StoreState) -> Spot | Outcome | None:
 
     An outcome: it is missing, or there was no image; None: wait for the next image.
     """
+    detections = _view(store, "shelf", "blind")
+    if not isinstance(detections, Detections):
+        return detections
+    seen = nearest(store, detections, store.expected())
+    if seen is None and store.visit.views == store.settings.views:
+        return _missing(store, detections)
+    return None if seen is None else seen[0]
+
+
+def _view(store: StoreState, where: str, blind: str) -> Detections | Outcome | None:
+    """Return new detections above the shelf or outlet; None: wait for the next image.
+
+    blind: name of the outcome where there was no image for too long.
+    """
     visit, waits = store.visit, store.settings.waits
     if store.elapsed < waits.still:
         return None
     if store.inputs.detections is None:
         if store.elapsed < waits.camera * (1 + visit.views):
             return None
-        text = f"the camera shows nothing: no detections for {waits.camera:g} s above the shelf"
-        return Outcome(name="blind", cause=Cause.BLIND, text=text)
+        text = f"the camera shows nothing: no detections for {waits.camera:g} s above the {where}"
+        return Outcome(name=blind, cause=Cause.BLIND, text=text)
     visit.views += 1
-    seen = nearest(store, store.inputs.detections, store.expected())
-    if seen is None and visit.views == store.settings.views:
-        return _missing(store, store.inputs.detections)
-    return None if seen is None else seen[0]
+    return store.inputs.detections
 
 
 def nearest(
@@ -185,43 +195,31 @@ def _missing(store: StoreState, detections: Detections) -> Outcome:
 
 def verify(store: StoreState) -> Outcome | None:
     """Check where the item stands, and that no other item was moved, as far as that is seen."""
-    if store.settings.verification == "camera":
+    if store.witness is None:
         return _verify_by_camera(store)
     if store.elapsed < store.settings.waits.rest:
         return None
-    result = _measure(store)
-    return _conclude(store, result, _fault(store, result))
-
-
-def _conclude(store: StoreState, result: SaleResult, fault: str) -> Outcome:
-    """End the sale; fault: what is wrong with the placement; empty: nothing."""
-    if fault:
-        return Outcome(name="misplaced", cause=Cause.MISPLACED, text=fault)
-    store.results.append(result)
-    store.report(
-        f"placed {result.place_error * 1e3:.1f} mm from its spot after {result.duration:.1f} s"
-    )
-    store.sold.append(result.item)
-    store.stock.update(result.item, store.inputs.poses)
-    if store.witness is not None:
-        store.witness.settle(result.item, store.inputs.poses)
-    store.sale = None
-    return Outcome(name="good")
+    (sale, item), settings, poses = store.now, store.settings, store.inputs.poses
+    allowed = settings.tolerances
+    (x, y, z), turn = store.stock.pose(item.name, poses)
+    spot = settings.outlet_spot(sale.number - 1, store.planned)
+    away = math.hypot(x - spot.x, y - spot.y)
+    moved, other = store.witness.largest(poses, item.name)
+    fault = _off(store, away, z + item.measures.bottom - settings.outlet.position[2])
+    if tilt_of(turn) > allowed.tilt and away <= allowed.placed:
+        fault = f"not upright, tilted by {math.degrees(tilt_of(turn)):.0f}°"
+    elif not fault and moved > allowed.moved:
+        fault = f"{other} was moved by {moved * 1e3:.1f} mm"
+    return _conclude(store, away, fault, moved)
 
 
 def _verify_by_camera(store: StoreState) -> Outcome | None:
     """Check the placement by the camera, which also sees the landmarks of the outlet."""
-    visit, waits, settings = store.visit, store.settings.waits, store.settings
-    if store.elapsed < waits.still:
-        return None
+    visit, settings = store.visit, store.settings
     sale, item = store.now
-    detections = store.inputs.detections
-    if detections is None:
-        if store.elapsed < waits.camera * (1 + visit.views):
-            return None
-        text = f"the camera shows nothing: no detections for {waits.camera:g} s above the outlet"
-        return Outcome(name="misplaced", cause=Cause.BLIND, text=text)
-    visit.views += 1
+    detections = _view(store, "outlet", "misplaced")
+    if not isinstance(detections, Detections):
+        return detections
     spot = store.in_odometry(settings.outlet_spot(sale.number - 1, store.planned))
     seen = nearest(store, detections, spot)
     if seen is None:
@@ -235,9 +233,9 @@ def _verify_by_camera(store: StoreState) -> Outcome | None:
             text += f"; something hides {detections.hidden:.0%} of that"
         return Outcome(name="misplaced", cause=Cause.MISPLACED, text=f"misplaced, {text}")
     at, height = seen
-    result = _result(store, _distance(at, spot), None)
+    away = _distance(at, spot)
     raised = height - (item.top - item.bottom) / 2 - settings.outlet.position[2]
-    return _conclude(store, result, _off(store, result.place_error, raised))
+    return _conclude(store, away, _off(store, away, raised))
 
 
 def _off(store: StoreState, away: float, raised: float) -> str:
@@ -250,24 +248,14 @@ def _off(store: StoreState, away: float, raised: float) -> str:
     return ""
 
 
-def _witness(store: StoreState) -> Witness:
-    if store.witness is None:
-        raise LookupError("verification by the truth needs a witness")
-    return store.witness
-
-
-def _measure(store: StoreState) -> SaleResult:
-    """Return the result of the sale, measured from the true poses."""
+def _conclude(
+    store: StoreState, place_error: float, fault: str, moved: float | None = None
+) -> Outcome:
+    """End the sale; fault: what is wrong with the placement; empty: nothing."""
+    if fault:
+        return Outcome(name="misplaced", cause=Cause.MISPLACED, text=fault)
     sale, item = store.now
-    x, y, _ = store.stock.pose(item.name, store.inputs.poses)[0]
-    spot = store.settings.outlet_spot(sale.number - 1, store.planned)
-    moved, _ = _witness(store).largest(store.inputs.poses, item.name)
-    return _result(store, math.hypot(x - spot.x, y - spot.y), moved)
-
-
-def _result(store: StoreState, place_error: float, moved: float | None) -> SaleResult:
-    sale, item = store.now
-    return SaleResult(
+    result = SaleResult(
         number=sale.number,
         item=item.name,
         attempts=sale.attempts,
@@ -276,17 +264,11 @@ def _result(store: StoreState, place_error: float, moved: float | None) -> SaleR
         moved=moved,
         duration=store.since(sale.start_ns),
     )
-
-
-def _fault(store: StoreState, result: SaleResult) -> str:
-    """Return what is wrong with the placement; empty: nothing."""
-    allowed = store.settings.tolerances
-    _, item = store.now
-    position, turn = store.stock.pose(item.name, store.inputs.poses)
-    raised = position[2] + item.measures.bottom - store.settings.outlet.position[2]
-    if tilt_of(turn) > allowed.tilt and result.place_error <= allowed.placed:
-        return f"not upright, tilted by {math.degrees(tilt_of(turn)):.0f}°"
-    if fault := _off(store, result.place_error, raised):
-        return fault
-    moved, other = _witness(store).largest(store.inputs.poses, item.name)
-    return f"{other} was moved by {moved * 1e3:.1f} mm" if moved > allowed.moved else ""
+    store.results.append(result)
+    store.report(f"placed {place_error * 1e3:.1f} mm from its spot after {result.duration:.1f} s")
+    store.sold.append(item.name)
+    store.stock.update(item.name, store.inputs.poses)
+    if store.witness is not None:
+        store.witness.settle(item.name, store.inputs.poses)
+    store.sale = None
+    return Outcome(name="good")

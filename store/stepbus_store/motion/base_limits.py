@@ -2,7 +2,7 @@
 
 import math
 
-from stepbus_store.motion.base_segments import Curve, Segment
+from stepbus_store.motion.base_segments import Segment, Turn
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.mobile.params import Params
 
@@ -28,9 +28,9 @@ _HALF_WIDTH = 0.3
 """Of the robot [m]."""
 
 
-def limits_of(params: Params, segment: Segment | Curve) -> MotionLimits:
+def limits_of(params: Params, segment: Segment) -> MotionLimits:
     """Return the limits along a segment, shape (1,); on a curve the base also turns."""
-    if segment.turns:
+    if isinstance(segment, Turn):
         turning = PLANNED * params.base_turn_acceleration
         return MotionLimits.of_one(params.base_turn_speed, turning, params.base_turn_jerk)
     sharpest = max(segment.sharpest, 1e-9)

@@ -12,12 +12,11 @@ from stepbus_schemas import BaseCommand, BaseState, Goal, Point, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.motion.base_limits import PLANNED, braking, hardest, limits_of, safe_speed
 from stepbus_store.motion.base_segments import (
-    Curve,
     PlannedSegment,
     Reference,
     Segment,
-    same_line,
-    wrapped,
+    straight,
+    turn_by,
 )
 from stepbus_store.motion.base_tracking import (
     TrackingError,
@@ -30,6 +29,7 @@ from stepbus_store.motion.joint_motion import JointMotion, Motion, motion_to, st
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.outcome import Outcome
 from stepbus_store.motion.route import base_route
+from stepbus_store.poses import wrapped
 
 _BACK_TURN = 0.3
 """A turn backs off by the angle whose arc at this radius is the distance to back off [m]."""
@@ -44,7 +44,7 @@ _APART = 0.1
 """Distance of the poses that `ahead` returns [m]."""
 
 
-def _length(segment: Segment | Curve) -> float:
+def _length(segment: Segment) -> float:
     return abs(segment.length) * (_BACK_TURN if segment.turns else 1.0)
 
 
@@ -55,7 +55,7 @@ class _Drive:
     brakes: the profile is a hard stop.
     """
 
-    segment: Segment | Curve
+    segment: Segment
     profile: Motion
     brakes: bool = False
     tau: float = 0.0
@@ -185,7 +185,8 @@ class BaseMotion:
             return False
         segment, (s, _, _) = drive.segment, drive.now()
         wanted = distance / _BACK_TURN if segment.turns else distance
-        self._waiting.append(same_line(segment, -math.copysign(min(wanted, abs(s)), s)))
+        back = -math.copysign(min(wanted, abs(s)), s)
+        self._waiting.append(turn_by(back) if segment.turns else straight(back))
         return True
 
     def travelled(self, start: BaseState) -> float:
@@ -211,7 +212,7 @@ class BaseMotion:
         poses: list[Point] = [(self.state.x, self.state.y, self.state.yaw)]
         lengths = [0.0]
         drive = self._drive
-        parts: list[tuple[Segment | Curve, float]] = []
+        parts: list[tuple[Segment, float]] = []
         if drive is not None and not drive.brakes:
             parts.append((drive.segment, drive.now()[0]))
         parts += [(segment, 0.0) for segment in self._planned_ahead(route)]
@@ -226,12 +227,10 @@ class BaseMotion:
                 lengths.append(lengths[-1] + abs(left) / count)
         return [(lengths[-1] - s, pose) for s, pose in zip(lengths, poses, strict=True)]
 
-    def _planned_ahead(
-        self, route: Iterable[PlannedSegment] | None = None
-    ) -> list[Segment | Curve]:
+    def _planned_ahead(self, route: Iterable[PlannedSegment] | None = None) -> list[Segment]:
         """Return the segments that have not begun, as they will be if the base is exact."""
         now = self.state
-        segments: list[Segment | Curve] = []
+        segments: list[Segment] = []
         if self._drive is not None:
             end = self._drive.segment.at(self._drive.segment.length, 0.0)
             now = replace(now, x=end.x, y=end.y, yaw=end.yaw)

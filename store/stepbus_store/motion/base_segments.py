@@ -11,9 +11,13 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import BaseState, Point
+from stepbus_store.poses import wrapped
 
 LEAST_ARC = 1e-3
 """Distance of two poses below which the base turns on the spot [m]."""
+
+_NO_LENGTH = 1e-9
+"""Length of a segment that is none [m, rad]."""
 
 _BESIDE = 3e-3
 """How far beside an arc its end may be [m]."""
@@ -36,45 +40,35 @@ class Reference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Segment:
-    """A straight line or a turn on the spot, from a pose.
-
-    length: [m], or [rad] where it turns; below 0: backwards, or clockwise.
-    """
+class Turn:
+    """A turn on the spot from a pose; length: [rad], below 0: clockwise."""
 
     x: float
     y: float
     yaw: float
     length: float
-    turns: bool
+
+    turns = True
 
     def at(self, s: float, speed: float) -> Reference:
         """Return the reference after s of the length, at a speed along it."""
-        if self.turns:
-            return Reference(x=self.x, y=self.y, yaw=self.yaw + s, vx=0.0, wz=speed)
-        x, y = self.x + s * math.cos(self.yaw), self.y + s * math.sin(self.yaw)
-        return Reference(x=x, y=y, yaw=self.yaw, vx=speed, wz=0.0)
+        return Reference(x=self.x, y=self.y, yaw=self.yaw + s, vx=0.0, wz=speed)
 
     def shown(self, s: float) -> str:
         """Return a length with its unit."""
-        return f"{math.degrees(s):.1f}°" if self.turns else f"{s:.3f} m"
+        return f"{math.degrees(s):.1f}°"
 
     def curvature(self, s: float) -> float:
-        """Return the change of the heading with the length at s [1/m]."""
+        """Return 0: it has no path."""
         return 0.0
 
     def fastest(self, s: float, turning: float, slowing: float) -> float:
-        """Return the largest speed at s that lets the base turn as it has to [m/s]."""
+        """Return infinity: only its limits matter."""
         return math.inf
-
-    @property
-    def sharpest(self) -> float:
-        """Return the largest curvature [1/m]."""
-        return 0.0
 
 
 class Curve:
-    """Arcs that follow one another without a corner.
+    """Arcs, or a straight line, that follow one another without a corner.
 
     poses: x, y, yaw at the ends of the arcs, shape (k, 3) [m, rad]; yaw goes on without jumps by a
     full turn. back: the base drives backwards; then lengths are below 0.
@@ -134,18 +128,21 @@ class Curve:
         return f"{s:.3f} m"
 
 
-PlannedSegment = Callable[[BaseState], Segment | Curve | None]
+Segment = Turn | Curve
+"""What a base drives without stopping."""
+
+PlannedSegment = Callable[[BaseState], Segment | None]
 """Makes a segment from the base's pose at its start; None: it has no length."""
-
-
-def wrapped(angle: float) -> float:
-    """Return the same angle between -π and π [rad]."""
-    return math.remainder(angle, 2 * math.pi)
 
 
 def straight(length: float) -> PlannedSegment:
     """Return a line along the heading that the base then has [m]."""
-    return lambda now: _segment(now, length, turns=False)
+
+    def plan(now: BaseState) -> Segment | None:
+        x, y = now.x + length * math.cos(now.yaw), now.y + length * math.sin(now.yaw)
+        return _line(now, now.yaw, x, y, back=length < 0.0)
+
+    return plan
 
 
 def straight_to(x: float, y: float, *, back: bool) -> PlannedSegment:
@@ -153,21 +150,29 @@ def straight_to(x: float, y: float, *, back: bool) -> PlannedSegment:
 
     def plan(now: BaseState) -> Segment | None:
         heading = math.atan2(y - now.y, x - now.x) + (math.pi if back else 0.0)
-        yaw = now.yaw + wrapped(heading - now.yaw)
-        length = math.hypot(x - now.x, y - now.y)
-        return Segment(x=now.x, y=now.y, yaw=yaw, length=-length if back else length, turns=False)
+        return _line(now, now.yaw + wrapped(heading - now.yaw), x, y, back=back)
 
     return plan
 
 
+def _line(now: BaseState, yaw: float, x: float, y: float, *, back: bool) -> Segment | None:
+    if math.hypot(x - now.x, y - now.y) < _NO_LENGTH:
+        return None
+    return Curve(np.array([(now.x, now.y, yaw), (x, y, yaw)]), back=back)
+
+
 def turn_by(angle: float) -> PlannedSegment:
     """Return a turn by an angle [rad]."""
-    return lambda now: _segment(now, angle, turns=True)
+    return lambda now: _turn(now, angle)
 
 
 def turn_to(yaw: float) -> PlannedSegment:
     """Return the shorter turn to a heading [rad]."""
-    return lambda now: _segment(now, wrapped(yaw - now.yaw), turns=True)
+    return lambda now: _turn(now, wrapped(yaw - now.yaw))
+
+
+def _turn(now: BaseState, angle: float) -> Segment | None:
+    return None if abs(angle) < _NO_LENGTH else Turn(x=now.x, y=now.y, yaw=now.yaw, length=angle)
 
 
 def arc_direction(a: Point, b: Point) -> int:
@@ -194,25 +199,3 @@ def curve(poses: Sequence[Point], *, back: bool) -> PlannedSegment:
         return Curve(np.array(rows), back=back)
 
     return plan
-
-
-def same_line(segment: Segment | Curve, length: float) -> PlannedSegment:
-    """Return a segment along the line of another one, from wherever the base then is."""
-    if isinstance(segment, Curve):
-        return straight(length)
-    if segment.turns:
-        return turn_by(length)
-    x0, y0, yaw = segment.x, segment.y, segment.yaw
-
-    def plan(now: BaseState) -> Segment | None:
-        along = (now.x - x0) * math.cos(yaw) + (now.y - y0) * math.sin(yaw)
-        x, y = x0 + along * math.cos(yaw), y0 + along * math.sin(yaw)
-        return Segment(x=x, y=y, yaw=yaw, length=length, turns=False)
-
-    return plan
-
-
-def _segment(now: BaseState, length: float, *, turns: bool) -> Segment | None:
-    if abs(length) < 1e-9:
-        return None
-    return Segment(x=now.x, y=now.y, yaw=now.yaw, length=length, turns=turns)

@@ -196,12 +196,7 @@ class GoalExecutor:
             goals.cancel(old, goal)
             if old.part != part:
                 self._parts.rest(old.part, t)
-        goals.driving, goals.companion, goals.returning, goals.stopped_beside = (
-            None,
-            None,
-            None,
-            None,
-        )
+        goals.driving = goals.companion = goals.returning = goals.stopped_beside = None
         self._avoidance.start(goal, part)
         active = Active(goal=goal, part=part)
         try:

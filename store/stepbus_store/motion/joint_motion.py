@@ -37,14 +37,6 @@ class MotionLimits:
             jerk=np.maximum(self.jerk, jerk),
         )
 
-    def slowed(self, factor: float) -> MotionLimits:
-        """Return the limits of the same motion in `factor` times the duration."""
-        return MotionLimits(
-            velocity=self.velocity / factor,
-            acceleration=self.acceleration / factor**2,
-            jerk=self.jerk / factor**3,
-        )
-
 
 @dataclass(frozen=True, kw_only=True)
 class JointMotion:

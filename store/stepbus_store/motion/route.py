@@ -19,9 +19,9 @@ from stepbus_store.motion.base_segments import (
     straight_to,
     turn_by,
     turn_to,
-    wrapped,
 )
 from stepbus_store.motion.outcome import FARTHEST, Refused
+from stepbus_store.poses import wrapped
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,28 +18,6 @@ class Trajectory(Protocol):
         ...
 
 
-class AlongPath:
-    """Motion along a path from rest to rest, its parameter timed by ruckig.
-
-    limits: of the parameter, shape (1,) [1/s, 1/s², 1/s³].
-    """
-
-    def __init__(self, path: JointPath, limits: MotionLimits) -> None:
-        self._path = path
-        start = JointMotion.at_rest(path.u[:1].copy())
-        self._timing = motion_to(start, path.u[-1:].copy(), limits)
-        self.duration: float = self._timing.duration
-
-    def at(self, t: float) -> JointMotion:
-        """See `Trajectory`."""
-        now = self._timing.at(t)
-        u, speed, push = (float(row[0]) for row in (now.position, now.velocity, now.acceleration))
-        q, slope, curve = self._path.at(u)
-        return JointMotion(
-            position=q, velocity=slope * speed, acceleration=curve * speed**2 + slope * push
-        )
-
-
 class Timed:
     """A path whose parameter is the time from 0 on [s]."""
 
@@ -76,6 +54,15 @@ class Retimed:
             velocity=there.velocity * rate,
             acceleration=there.acceleration * rate**2 + there.velocity * push,
         )
+
+
+def along_path(path: JointPath, limits: MotionLimits) -> Trajectory:
+    """Return the motion along a path from rest to rest, its parameter timed by ruckig.
+
+    limits: of the parameter, shape (1,) [1/s, 1/s², 1/s³].
+    """
+    timing = motion_to(JointMotion.at_rest(path.u[:1].copy()), path.u[-1:].copy(), limits)
+    return Retimed(Timed(path), timing)
 
 
 class Stretched:

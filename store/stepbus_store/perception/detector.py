@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stepbus_schemas import WiringError
+from stepbus_kinematics import Vector
+from stepbus_schemas import Quaternion, WiringError
 from stepbus_store.perception.faces import Mask, Patch, Scene
-from stepbus_store.perception.images import Pose, Quaternion, Vector, View, turn_about_z
+from stepbus_store.perception.images import Pose, View, turn_about_z
 from stepbus_store.perception.item_catalog import MARGIN, Catalog, Face, ItemType
 from stepbus_store.perception.outlines import fit
 from stepbus_store.perception.segments import Palette, denoised, split, visible_share

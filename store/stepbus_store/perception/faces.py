@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_store.perception.images import Pose, Vector, View
+from stepbus_kinematics import Indices, Vector
+from stepbus_store.perception.images import Pose, View
 
-Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 _SLOPE = 0.3
 """Slope up to which a surface counts as horizontal."""

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_schemas import Image, RunError
-
-Vector = NDArray[np.float64]
-Quaternion = tuple[float, float, float, float]
+from stepbus_kinematics import Vector
+from stepbus_schemas import Image, Quaternion, RunError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
+from stepbus_kinematics import Vector
 from stepbus_schemas import Description, WiringError
-from stepbus_store.perception.images import Vector
 from stepbus_store.perception.outlines import Disc, Outline, Rectangle
 from stepbus_store.solids import Solid, read_solids
 

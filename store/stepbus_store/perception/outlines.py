@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stepbus_store.perception.images import Vector
+from stepbus_kinematics import Vector
 
 _ROUNDS = 20
 _STEP = 1e-6

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from stepbus_kinematics import RobotModel
+from stepbus_kinematics import RobotModel, Vector
 from stepbus_participant import suggest
 from stepbus_schemas import Detections, Poses, WiringError
-from stepbus_store.perception.images import Pose, Vector, inverse_times
+from stepbus_store.perception.images import Pose, inverse_times
 from stepbus_store.perception.item_catalog import Catalog
 from stepbus_store.poses import check_poses
 from stepbus_store.solids import rotation

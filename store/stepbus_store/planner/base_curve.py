@@ -12,6 +12,7 @@ import numpy as np
 from stepbus_kinematics import Vector
 from stepbus_schemas import Point
 from stepbus_store.planner.params import Params
+from stepbus_store.poses import wrapped
 
 _ARC = 0.05
 """Length of the arcs that a curve is made of [m]."""
@@ -54,11 +55,6 @@ class SmoothRoute:
     def length(self) -> float:
         """Return the length of the route [m]."""
         return sum(math.dist(a[:2], b[:2]) for a, b in pairwise(self.poses))
-
-
-def wrapped(angle: float) -> float:
-    """Return the same angle between -π and π [rad]."""
-    return math.remainder(angle, 2 * math.pi)
 
 
 def direct_routes(start: Point, goal: Point, params: Params) -> list[SmoothRoute]:

@@ -4,12 +4,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stepbus_kinematics import Vector
 from stepbus_schemas import BaseState
 from stepbus_store.world_model.params import Params
-
-Vector = NDArray[np.float64]
 
 _GATE = 13.8
 """Squared Mahalanobis distance that 99.9 % of the right landmarks stay below (χ², two degrees)."""

@@ -12,7 +12,7 @@ from stepbus_store.motion.joint_motion import JointMotion, MotionLimits, motion_
 from stepbus_store.motion.outcome import Refused
 from stepbus_store.motion.player import planned
 from stepbus_store.motion.spiral import SpiralCurve
-from stepbus_store.motion.trajectory import AlongPath
+from stepbus_store.motion.trajectory import along_path
 
 TIP = "tool0"
 
@@ -52,7 +52,7 @@ def moving(robot, goal=None):
 
 
 def test_along_a_path_velocity_and_acceleration_are_derivatives_of_the_position():
-    motion = AlongPath(cubic(), one())
+    motion = along_path(cubic(), one())
     h = 1e-5
     for t in np.linspace(0.1, motion.duration - 0.1, 20):
         before, now, after = (motion.at(x) for x in (t - h, t, t + h))
@@ -172,7 +172,7 @@ def test_a_path_is_slowed_until_it_keeps_the_limits_of_jerk():
     jerks = np.full(6, 5.0)
     strict = MotionLimits(velocity=limits.velocity, acceleration=limits.acceleration, jerk=jerks)
     path = joint_path([start, start + 0.3, start + np.array([0.3, 0.6, 0.3, 0.3, 0.3, 0.3])])
-    quick = AlongPath(path, MotionLimits.of_one(1.0, 3.0, 100.0))
+    quick = along_path(path, MotionLimits.of_one(1.0, 3.0, 100.0))
     motion = fitted(quick, robot, strict)
     times = np.arange(0.0, motion.duration, 0.016)
     pushes = np.array([motion.at(t).acceleration for t in times])

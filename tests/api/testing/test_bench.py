@@ -49,12 +49,8 @@ def bench():
     return Bench(Spring, make_config(**PORTS), {"joint_state": Description(names=["hip"])})
 
 
-def test_it_publishes_what_the_participant_returns(bench):
+def test_it_publishes_what_the_participant_returns_and_holds_inputs(bench):
     assert bench.step(joint_state=JointState(position=[0.5]))["command"].values == [-0.5]
-
-
-def test_an_input_is_held_until_its_next_message(bench):
-    bench.step(joint_state=JointState(position=[0.5]))
     assert bench.step()["command"].values == [-0.5]
     assert bench.participant.steps == [(0, True), (1, False)]
 
@@ -72,12 +68,9 @@ def test_an_input_is_absent_before_its_first_message(bench):
         bench.step()
 
 
-def test_descriptions_go_both_ways(bench):
+def test_descriptions_go_both_ways_and_the_end_of_the_run_is_seen(bench):
     assert bench.descriptions["command"].like == "joint_state"
     assert bench.call("names") == ["hip"]
-
-
-def test_the_end_of_the_run_is_seen(bench):
     bench.step(joint_state=JointState(position=[0.0]))
     assert bench.end_reason == "at rest"
 

@@ -3,17 +3,11 @@ import pytest
 from stepbus import testing
 
 
-def test_an_equal_replay_returns_its_result(two_link_recording):
+def test_an_equal_replay_returns_its_result_and_a_tolerance_may_be_a_number(two_link_recording):
     assert testing.assert_replays(two_link_recording.parent, "controller").steps == 60
-
-
-def test_a_difference_is_an_assertion_error_with_the_first_divergence(two_link_recording):
-    with pytest.raises(AssertionError, match=r"differs from the recording\nfir"):
-        testing.assert_replays(two_link_recording, "controller", set={"controller.params.kp": 101})
-
-
-def test_a_tolerance_may_be_a_number(two_link_recording):
     override = {"controller.params.kp": 101}
+    with pytest.raises(AssertionError, match=r"differs from the recording\nfir"):
+        testing.assert_replays(two_link_recording, "controller", set=override)
     testing.assert_replays(two_link_recording, "controller", set=override, tolerance=10.0)
 
 

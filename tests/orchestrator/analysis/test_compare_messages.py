@@ -95,23 +95,27 @@ def test_a_tolerance_is_for_numbers_only():
     assert result.divergence.field == "mode"
 
 
-def test_vectors_of_different_length_differ_as_a_whole():
-    found = compared(
-        command(1.0), command(1.0, 2.0), {("*", "*"): FieldTolerance(abs=9.0)}
-    ).divergence
-    assert (found.field, found.first, found.second) == ("values", [1.0], [1.0, 2.0])
+def deep(number):
+    return msgspec.msgpack.encode({"deep": {"a": [number]}})
 
 
-def test_a_field_that_one_lacks_differs():
-    first, second = encode(JointState(position=[1.0])), encode(JointState())
-    found = compared(first, second, type_name="JointState/1").divergence
-    assert (found.field, found.first, found.second) == ("position", [1.0], None)
-
-
-def test_a_type_of_another_version_is_compared_all_the_same():
-    first, second = (msgspec.msgpack.encode({"deep": {"a": [n]}}) for n in (1, 2))
-    found = compared(first, second, type_name="Later/3").divergence
-    assert (found.field, found.first, found.second) == ("deep.a[0]", 1, 2)
+@pytest.mark.parametrize(
+    ("first", "second", "type_name", "difference"),
+    [
+        (command(1.0), command(1.0, 2.0), "JointCommand/1", ("values", [1.0], [1.0, 2.0])),
+        (
+            encode(JointState(position=[1.0])), encode(JointState()), "JointState/1",
+            ("position", [1.0], None),
+        ),
+        (deep(1), deep(2), "Later/3", ("deep.a[0]", 1, 2)),
+    ],
+    ids=["length", "lacking", "unknown type"],
+)  # fmt: skip
+def test_vectors_lacking_fields_and_types_of_another_version_are_compared(
+    first, second, type_name, difference
+):
+    found = compared(first, second, {("*", "*"): FieldTolerance(abs=0.5)}, type_name).divergence
+    assert (found.field, found.first, found.second) == difference
 
 
 def test_a_tolerance_holds_for_each_number_of_a_point():

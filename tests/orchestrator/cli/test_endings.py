@@ -145,34 +145,6 @@ def test_a_signal_during_the_report_leaves_a_run_that_has_finished(tmp_path, run
     assert "joints: finished after 100 steps" in output
 
 
-SWALLOWS = """
-import os, time, weakref
-class Thing: ...
-thing = Thing()
-def callback(_reference):
-    os.kill(os.getpid(), {number})
-    for _ in range(1000): pass
-reference = weakref.ref(thing, callback)
-del thing
-time.sleep(60)
-"""
-
-
-@pytest.mark.parametrize("number", SIGNALS)
-def test_a_signal_that_a_callback_swallows_ends_the_report_all_the_same(
-    tmp_path, run_words, number
-):
-    folder = tmp_path / "swallows"
-    folder.mkdir()
-    (folder / "matplotlib.py").write_text(SWALLOWS.format(number=int(number)))
-    done = subprocess.run(
-        run_words, capture_output=True, text=True, check=False, timeout=30,
-        env={**os.environ, "PYTHONPATH": str(folder)},
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "no plots  the report was interrupted" in done.stdout
-
-
 ON_TERMINAL = """
 import fcntl, os, sys, termios
 os.setsid()

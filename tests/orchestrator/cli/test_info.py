@@ -30,7 +30,7 @@ def test_a_run_is_ten_lines(two_link_recording, capsys):
     assert rows["scenario"] == ["two_link"]
     assert rows["outcome"] == ["finished"]
     assert rows["length"][0].startswith("60 steps of 5 ms = 0.3 s, in ")
-    assert rows["programs"] == ["plant, controller, mission (Python)"]
+    assert rows["programs"][0].startswith("plant (Python stepbus_plant:Plant), controller (Python ")
     assert rows["messages"][0] == "241 of 4 ports, 803/s"
     assert rows["types"][0].startswith("61 JointState/1 (plant/joint_state), ")
     assert rows["events"] == ["none; faults injected: none"]

@@ -31,10 +31,6 @@ def test_each_value_builds_on_the_one_before():
     assert chain_of((0, [("a", b"x")]), (1, [])) == sha256(first + b"\1" + bytes(7)).digest()
 
 
-def test_a_greeting_counts_as_step_minus_one():
-    assert chain_of((-1, [])) == sha256(bytes(32) + b"\xff" * 8).digest()
-
-
 def test_a_recording_holds_the_chain_of_its_own_messages(two_link_recording):
     with two_link_recording.open("rb") as file:
         rows = [(c.topic, m.sequence, m.data) for _, c, m in make_reader(file).iter_messages()]

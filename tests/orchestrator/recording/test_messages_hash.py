@@ -33,16 +33,6 @@ def test_what_is_no_message_changes_the_hash_of_the_file_only(tmp_path, plain):
     assert renamed.messages_sha256 == plain.messages_sha256
 
 
-def test_another_processor_changes_the_hash_of_the_file_only(tmp_path, plain, monkeypatch):
-    monkeypatch.setattr(
-        "stepbus_orchestrator.run.run_scenario.own_versions",
-        lambda: {"python": "3.99.0", "cpu": "another processor"},
-    )
-    elsewhere = run_joints(tmp_path, in_process=True)
-    assert elsewhere.sha256 != plain.sha256
-    assert elsewhere.messages_sha256 == plain.messages_sha256
-
-
 def test_another_message_or_another_number_of_steps_changes_it(tmp_path, plain):
     other = run_joints(tmp_path / "other", "mission.every=5", in_process=True)
     shorter = run_joints(tmp_path / "shorter", "duration=100ms", in_process=True)

@@ -3,7 +3,6 @@
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.writer import CompressionType
 from support.messages.recordings import attachments, messages, metadata, record_ends, rewrite
 from support.properties import examples
 
@@ -47,17 +46,6 @@ def test_an_undamaged_recording_comes_back_byte_for_byte(two_link_recording, tmp
     assert recovery.target.read_bytes() == two_link_recording.read_bytes()
 
 
-@pytest.mark.parametrize(
-    "options",
-    [{"compression": CompressionType.NONE}, {"use_chunking": False}, {"use_statistics": False}],
-)
-def test_recordings_of_other_writers_keep_all_their_messages(two_link_recording, tmp_path, options):
-    other = rewrite(two_link_recording, tmp_path / "other.mcap", 4096, **options)
-    recovery = recover(other, tmp_path / "fixed.mcap")
-    assert recovery.damage == ""
-    assert messages(recovery.target) == messages(two_link_recording)
-
-
 @pytest.mark.slow
 def test_a_cut_at_and_beside_every_record_loses_no_whole_record(chunked, tmp_path):
     data, original = chunked.read_bytes(), messages(chunked)
@@ -69,14 +57,6 @@ def test_a_cut_at_and_beside_every_record_loses_no_whole_record(chunked, tmp_pat
         assert len(shorter[1]) >= kept
         kept = len(shorter[1])
     assert kept == len(original)
-
-
-@SHARED_FOLDER
-@given(share=st.floats(0, 1, exclude_max=True))
-def test_a_cut_anywhere_gives_the_messages_before_it(chunked, tmp_path, share):
-    data, original = chunked.read_bytes(), messages(chunked)
-    kept = kept_or_refused(tmp_path, data[: int(share * len(data))])
-    assert kept == original[: len(kept)]
 
 
 @SHARED_FOLDER

@@ -1,23 +1,9 @@
 """What `recover` reads and writes, and what it refuses."""
 
-import os
-import signal
-import subprocess
-import sys
-import time
-
 import pytest
-from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import ExitCode, OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import recover
-from stepbus_orchestrator.recording.layout import CHUNK_BYTES
-
-RUN_LONG = """
-import sys
-import stepbus
-stepbus.run("two_link", set={"duration": "1000s"}, out=sys.argv[1])
-"""
 
 
 @pytest.mark.parametrize(
@@ -63,22 +49,3 @@ def test_in_place_the_file_is_replaced_when_the_new_one_is_complete(two_link_rec
     recover(broken, broken, in_place=True)
     assert broken.read_bytes() == two_link_recording.read_bytes()
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
-
-
-def test_a_killed_orchestrator_leaves_all_but_the_last_chunk(tmp_path):
-    out = tmp_path / "run"
-    recording = out / "run.mcap"
-    process = subprocess.Popen([sys.executable, "-c", RUN_LONG, str(out)])
-    give_up = time.monotonic() + 60
-    while not recording.exists() or recording.stat().st_size < 2 * CHUNK_BYTES:
-        assert process.poll() is None
-        assert time.monotonic() < give_up
-        time.sleep(0.01)
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
-    recovery = recover(recording, tmp_path / "fixed.mcap")
-    steps = [
-        step for topic, _, step, _ in messages(recovery.target) if topic == "plant/joint_state"
-    ]
-    assert steps == list(range(len(steps)))
-    assert recovery.lost_bytes < CHUNK_BYTES < recovery.kept_bytes

@@ -1,19 +1,14 @@
 """A recording that was ended anywhere holds whole steps only, and says which one it left out."""
 
-import errno
-import itertools
-import os
 import random
 from collections import Counter
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.reader import make_reader
 from support.messages.recordings import messages, rewrite
 from support.properties import examples
 
-from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, layout, recover
 
 STEPS = 700
@@ -112,36 +107,3 @@ def test_an_older_recording_that_ends_with_its_chain_is_whole(ended, tmp_path):
     old = rewrite(path, tmp_path / "old.mcap", 4096, lambda _, step: step > 639, library="stepbus")
     assert (Recording(old).damage, Recording(old).last_step) == ("", 639)
     assert recover(old, tmp_path / "fixed.mcap").cut_step is None
-
-
-@pytest.mark.parametrize("refused", [1, 2, 3])
-def test_a_disk_that_refuses_a_chunk_ends_the_recording_with_a_whole_step(
-    tmp_path, monkeypatch, refused
-):
-    """Read by the mcap package alone."""
-    path, write = tmp_path / "run.mcap", os.pwritev
-
-    def refuse(descriptor, data, offset):
-        if path.stat().st_size > refused * layout.CHUNK_BYTES:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return write(descriptor, data, offset)
-
-    file, chance = McapFile(path), random.Random(3)
-    channels = [file.add_channel(topic, "Event/1", {}) for topic in TOPICS]
-
-    def go_on():
-        for step in itertools.count():
-            file.add_all([(c, chance.randbytes(150)) for c in channels], step, step)
-
-    with monkeypatch.context() as patch:
-        patch.setattr("os.pwritev", refuse)
-        with pytest.raises(RecordingFailed, match="No space left"):
-            go_on()
-    with pytest.raises(RecordingFailed, match="No space left"):
-        file.close()
-    with path.open("rb") as stream:
-        found = list(make_reader(stream, validate_crcs=True).iter_messages())
-    counted = Counter(message.sequence for _, _, message in found)
-    assert len(counted) > 100
-    assert counted == dict.fromkeys(range(len(counted)), 4)
-    assert (Recording(path).damage, Recording(path).last_step) == ("", len(counted) - 1)

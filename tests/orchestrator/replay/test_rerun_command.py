@@ -87,15 +87,6 @@ def test_of_a_run_that_was_interrupted_its_steps_are_compared(tmp_path, capsys):
     assert "as recorded: 50 steps" in said
 
 
-def test_a_change_in_a_recording_that_is_cut_off_is_found(tmp_path, capsys):
-    recorded = run_joints(tmp_path, "duration=1s", in_process=True).recording
-    cut = cut_off(rewrite(recorded, tmp_path / "fine.mcap", 512), 0.5)
-    other = "controller.params={fault: end, at: 4}"
-    words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust", "--set", other]
-    assert cli.main(words) == ExitCode.DIFFERENT
-    assert "step 5: controller/command" in capsys.readouterr().out
-
-
 def test_a_run_that_fails_again_before_its_first_step_is_not_as_recorded(tmp_path, capsys):
     broken = fault("controller", "raise", -1)
     failed = run_joints(tmp_path, broken, in_process=True)

@@ -170,16 +170,6 @@ def test_a_program_of_ones_own_may_be_bridged(project, capsys):
     assert cli.main([*words, "--exec", *program]) == 0
 
 
-def test_a_new_reference_beside_a_run_has_its_own_gain(project):
-    strong = record(project / "arm", project / "strong", "controller.params.kp=150")
-    new = strong.with_name("new.mcap")
-    words = ("--set", "controller.params.kp=101", "--update", str(new))
-    assert cli.main(["replay", str(strong), *REPLAY, *words]) == ExitCode.DIFFERENT
-    edit(project / "arm/scenario.yaml", "kp: 200", "kp: 101")
-    result = replay(new, "controller")
-    assert (result.equal, list(result.changes)) == (True, [])
-
-
 def test_a_scenario_that_others_may_write_is_not_yours(project, log, monkeypatch):
     file = project / "arm/scenario.yaml"
     assert find_source(Recording(log)) == file

@@ -1,7 +1,5 @@
 """Each participant of two_link is equal to its recording to the bit; another gain is found."""
 
-import json
-
 import pytest
 
 from stepbus_orchestrator.analysis.diff import diff
@@ -74,13 +72,6 @@ def test_the_command_says_it_and_exits_with_its_code(two_link_recording, capsys)
     words = ["replay", str(two_link_recording), "--participant", "controller"]
     assert main([*words, "--set", *OTHER_GAIN]) == ExitCode.DIFFERENT
     assert "step 1: controller/command: values" in (capsys.readouterr().out)
-
-
-def test_the_command_prints_json_for_programs(two_link_recording, capsys):
-    words = ["replay", str(two_link_recording), "--participant", "mission", "--json"]
-    assert main(words) == ExitCode.FINISHED
-    found = json.loads(capsys.readouterr().out)
-    assert (found["equal"], found["steps"], found["divergence"]) == (True, STEPS, None)
 
 
 def test_an_update_is_a_recording_that_differs_in_this_participant_only(

@@ -133,7 +133,7 @@ def record(folder, *overrides, host=None, faults=(), observer=None, text=SCENARI
 
 @pytest.fixture(scope="module")
 def in_messages(tmp_path_factory):
-    result, used = record(tmp_path_factory.mktemp("messages"), host=Processes(has_slots=False))
+    result, used = record(tmp_path_factory.mktemp("messages"), "bus.transport=tcp")
     assert (result.exit_code, used) == (0, {}), result.reason
     return result.messages_sha256
 
@@ -151,12 +151,9 @@ def test_with_any_window_it_is_the_same(tmp_path, in_messages, window):
     assert used
 
 
-def test_in_one_process_over_tcp_and_with_a_program_that_cannot_there_are_none(
-    tmp_path, in_messages
-):
+def test_in_one_process_and_with_a_program_that_cannot_there_are_none(tmp_path, in_messages):
     runs = {
         "in one process": record(tmp_path / "1", host=InProcess()),
-        "tcp": record(tmp_path / "2", "bus.transport=tcp"),
         "a reader cannot": record(tmp_path / "3", slow="cannot"),
         "the source cannot": record(tmp_path / "4", camera="cannot"),
     }
@@ -215,7 +212,7 @@ def test_who_reads_what_is_cut_at_that_very_moment_is_killed_and_the_run_says_wh
 
 def test_a_source_that_waits_for_its_reader_has_one_slot(tmp_path):
     kinds = {"text": FED_BACK, "viewer": "keeps"}
-    plain, _ = record(tmp_path / "1", host=Processes(has_slots=False), **kinds)
+    plain, _ = record(tmp_path / "1", "bus.transport=tcp", **kinds)
     result, used = record(tmp_path / "2", **kinds)
     assert (result.exit_code, plain.exit_code) == (0, 0), result.reason or plain.reason
     assert result.messages_sha256 == plain.messages_sha256

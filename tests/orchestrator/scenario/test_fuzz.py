@@ -17,24 +17,9 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 
 SCALARS = [
-    None,
-    True,
-    False,
-    -1,
-    0,
-    1.5,
-    1e400,
-    float("nan"),
-    2**63,
-    "",
-    ".",
-    "a.b",
-    "5ms",
-    "unix",
-    "first",
-    "\x00",
-    "x" * 300,
-]
+    None, True, False, -1, 0, 1.5, 1e400, float("nan"), 2**63, "", ".", "a.b", "5ms", "unix",
+    "first", "\x00", "x" * 300,
+]  # fmt: skip
 MAPS = [{"a": None}, {"from": []}, {"type": {}}, {"params": {"x": "../"}}, {"": ""}]
 VALUES = [*SCALARS, [], {}, [None], [[]], *MAPS]
 ODD = st.sampled_from(VALUES)

@@ -46,10 +46,6 @@ def test_every_key_is_read(tmp_path):
     assert mission.outputs == {"reference": OutputSpec(type="JointReference/1", bulk=True)}
 
 
-def test_a_run_without_duration_has_no_last_step(tmp_path):
-    assert load_text(tmp_path, changed("duration: 10s\n", "")).steps is None
-
-
 def test_a_window_of_one_has_a_batch_of_one(tmp_path):
     assert load_text(tmp_path, TWO_LINK, "window=1").batch == 1
 
@@ -63,30 +59,14 @@ def test_numbers_are_those_of_yaml_1_2(tmp_path):
     text = changed("kp: 100", "a: 1e-3, b: 010, c: on, d: 1:30, e: 2020-01-01, f: 0x10, g: .5")
     params = load_text(tmp_path, text).participant("controller").params
     assert params == {
-        "law": "pd",
-        "a": 0.001,
-        "b": 10,
-        "c": "on",
-        "d": "1:30",
-        "e": "2020-01-01",
-        "f": 16,
+        "law": "pd", "a": 0.001, "b": 10, "c": "on", "d": "1:30", "e": "2020-01-01", "f": 16,
         "g": 0.5,
-    }
+    }  # fmt: skip
 
 
 def test_a_folder_stands_for_its_scenario_yaml(tmp_path):
     path = write(tmp_path)
     assert load(tmp_path).file == load(path).file == path.resolve()
-
-
-def test_a_folder_without_scenario_yaml_is_refused(tmp_path):
-    with pytest.raises(ScenarioError, match=r"the folder has no scenario\.yaml"):
-        load(tmp_path)
-
-
-def test_a_missing_file_is_refused():
-    with pytest.raises(ScenarioError, match=r"^nope\.yaml: no such file or folder"):
-        load("nope.yaml")
 
 
 @pytest.fixture
@@ -128,11 +108,18 @@ def test_a_scenario_of_a_package_that_is_not_installed_says_what_installs_it(mon
         load(name)
 
 
-def test_an_unknown_name_is_answered_with_the_nearest():
-    with pytest.raises(
-        ScenarioError, match=r"give the path of your own, .*; did you mean 'two_link'\?"
-    ):
-        load("two_lnk")
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("two_lnk", r"give the path of your own, .*; did you mean 'two_link'\?"),
+        ("nope.yaml", r"^nope\.yaml: no such file or folder"),
+        (".", r"the folder has no scenario\.yaml"),
+    ],
+)
+def test_a_name_of_no_scenario_is_answered_with_what_to_give(tmp_path, monkeypatch, name, sentence):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ScenarioError, match=sentence):
+        load(name)
 
 
 @pytest.mark.parametrize(

@@ -18,17 +18,11 @@ def executed(folder, exec_):
     return None
 
 
-def test_python_is_this_interpreter(tmp_path):
+def test_python_stepbus_and_programs_on_the_path_become_commands(tmp_path):
     assert command(("python", "a.py"), tmp_path) == (sys.executable, "a.py")
-
-
-def test_stepbus_is_this_installation(tmp_path):
     assert command(("stepbus", "replay"), tmp_path) == (
         sys.executable, "-P", "-m", "stepbus_orchestrator.cli", "replay",
     )  # fmt: skip
-
-
-def test_a_program_on_path_is_found(tmp_path):
     assert command(("sh", "-c"), tmp_path)[0].endswith("/sh")
 
 

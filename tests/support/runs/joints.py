@@ -6,7 +6,7 @@ from pathlib import Path
 import psutil
 from support.paths import PROGRAMS
 
-from stepbus_orchestrator.run.host import Host
+from stepbus_orchestrator.run.extension import Host
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run

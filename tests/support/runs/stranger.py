@@ -7,12 +7,11 @@ import signal
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 
 from support.runs.joints import run_joints
 
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.hosts import Processes
 from stepbus_participant import Endpoint, ZenohBus, load_ticket
 from stepbus_schemas import encode, encoding_of
 
@@ -20,7 +19,7 @@ PATIENT = ("duration=2s", "window=2", "batch=1", *(f"{who}.step_timeout=60s" for
 WAIT_S = 30.0
 
 
-class Stranger:
+class Stranger(RunExtension):
     """Acts once, while the controller is frozen: so it is in the middle of the run.
 
     It has the credentials of every participant, without which there is no link at all, and
@@ -33,20 +32,20 @@ class Stranger:
         self.pace = Pace(at=20)
         self.over = threading.Event()
         self.publishers = {}
+        self.pids = {}
+        self.pool = ThreadPoolExecutor()
 
-    @contextmanager
-    def around(self, children):
-        with ThreadPoolExecutor() as pool:
-            future = pool.submit(self.come_in, children)
-            try:
-                yield
-            finally:
-                self.over.set()
-            future.result()
+    def started(self, participant):
+        self.pids[participant.name] = participant.process.pid
+        if len(self.pids) == 3:
+            self.visit = self.pool.submit(self.come_in)
 
-    def come_in(self, children):
-        while len(children) < 3 and not self.over.wait(0.01):
-            continue
+    def close(self):
+        self.over.set()
+        self.pool.shutdown()
+        self.visit.result()
+
+    def come_in(self):
         (folder,) = self.temp.glob("stepbus-*/")
         tickets = [load_ticket({"STEPBUS_TICKET": str(path)}) for path in folder.glob("*.ticket")]
         links = {link for ticket in tickets for link in (*ticket.endpoint.listen, *ticket.endpoint.connect)}  # fmt: skip
@@ -54,10 +53,10 @@ class Stranger:
         awake = links - set(controller_ticket(tickets).endpoint.listen)
         self.another_session = lambda: open_bus(controller_ticket(tickets), awake)
         self.buses = {ticket.name: open_bus(ticket, links) for ticket in tickets}
-        self.bus, self.run = self.buses["controller"], tickets[0].run
+        self.bus, self.key = self.buses["controller"], tickets[0].run
         try:
             self.hear_everybody()
-            os.kill(children["controller"].pid, signal.SIGSTOP)
+            os.kill(self.pids["controller"], signal.SIGSTOP)
             # The run goes on as far as it can without the controller.
             self.pace.resume()
             self.act(self, tickets[0].token)
@@ -66,7 +65,7 @@ class Stranger:
             self.acted = True
         finally:
             self.pace.resume()
-            os.kill(children["controller"].pid, signal.SIGCONT)
+            os.kill(self.pids["controller"], signal.SIGCONT)
             self.over.wait(WAIT_S)
             for bus in self.buses.values():
                 bus.close()
@@ -117,8 +116,7 @@ def disturbed(folder, temp, act, *settings):
         folder,
         *PATIENT,
         *settings,
-        host=Processes(around=stranger.around),
-        extensions=[stranger.pace],
+        extensions=[stranger.pace, stranger],
     )
     assert stranger.acted, result.reason
     return result

@@ -106,14 +106,6 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
             ],
         ),
         (
-            ["--vary", "seed=1,2", "--batch", "3", "--sampling", "sobol", "--maximize"],
-            [
-                "batch: is only for an optimizer",
-                "sampling: no axis has",
-                "optimize: needs the name",
-            ],
-        ),
-        (
             [
                 *("--vary", "controller.params.kp=1:5", "--optimize", "rmsee"),
                 *("--trials", "3", "--repeats", "2", "--samples", "5"),
@@ -195,8 +187,6 @@ def measure(recording):
     [
         ("tip_eror", "it is a number in no run; did you mean 'tip_error'?"),
         ("settling", "it is a number in no run; they have"),
-        ("verdict", "it is a number in no run; they have"),
-        ("rmse.joint3", "it is a number in no run"),
     ],
 )
 def test_an_optimizer_ends_where_there_is_nothing_to_optimise(

@@ -91,6 +91,7 @@ def test_a_page_is_for_those_who_have_its_token(view):
     for _ in range(2):
         status, headers, text = get(address)
         assert (status, " · stepbus</title>" in text) == (200, True)
+        assert 'type="image/svg+xml" href="data:image/svg+xml,%3Csvg' in text
     assert headers["Cache-Control"] == "no-store"
     assert headers["Referrer-Policy"] == "no-referrer"
     assert "default-src 'none'" in headers["Content-Security-Policy"]

@@ -104,14 +104,23 @@ def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
     assert Preparation(result.recording, tmp_path / "again").run().result.sha256 == result.sha256
 
 
-def test_a_live_page_is_titled_by_the_scenario_and_says_when_it_ends(tmp_path, page, monkeypatch):
-    gui, said, titles = page.server.gui, [], []
-    add = gui.add_markdown
-    monkeypatch.setattr(
-        gui, "add_markdown", lambda *a, **k: (said.append(add(*a, **k)), said[-1])[1]
-    )
-    monkeypatch.setattr(gui, "set_panel_label", titles.append)
-    out = tmp_path / "run"
+@pytest.fixture
+def said(page, monkeypatch):
+    """All texts that are put on a page, as their handles."""
+    gui, said = page.server.gui, []
+    for name in ("add_html", "add_markdown"):
+        add = getattr(gui, name)
+        monkeypatch.setattr(
+            gui, name, lambda *a, add=add, **k: (said.append(add(*a, **k)), said[-1])[1]
+        )
+    return said
+
+
+def test_a_live_page_is_titled_by_the_scenario_and_says_when_it_ends(
+    tmp_path, page, said, monkeypatch
+):
+    titles, out = [], tmp_path / "run"
+    monkeypatch.setattr(page.server.gui, "set_panel_label", titles.append)
     run(load("two_link", ["duration=50ms"]), Options(out=out, host=InProcess()))
     assert follow(page.server, out, lambda: False)
     assert said[-1].content == (
@@ -121,13 +130,7 @@ def test_a_live_page_is_titled_by_the_scenario_and_says_when_it_ends(tmp_path, p
     assert "**ended**" in [one.content for one in said]
 
 
-def test_a_live_page_says_that_a_run_failed_and_why(tmp_path, page, monkeypatch):
-    gui, said = page.server.gui, []
-    for name in ("add_html", "add_markdown"):
-        add = getattr(gui, name)
-        monkeypatch.setattr(
-            gui, name, lambda *a, add=add, **k: (said.append(add(*a, **k)), said[-1])[1]
-        )
+def test_a_live_page_says_that_a_run_failed_and_why(tmp_path, page, said):
     out = tmp_path / "run"
     stepbus.run("two_link", set={"duration": "1s"}, faults=["kill plant at 30"], out=out)
     assert follow(page.server, out, lambda: False)

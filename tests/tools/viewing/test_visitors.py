@@ -15,7 +15,7 @@ from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.playback import Playback, open_recording
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.scene import Frame, Scene
-from stepbus_tools.viewing.stage.server import branded, open_page
+from stepbus_tools.viewing.stage.server import open_page
 from stepbus_tools.viewing.stage.stage import add_light, drawn, free_part
 from stepbus_tools.viewing.stage.view import on_slider
 from stepbus_tools.viewing.viewpoint import Swept, framed
@@ -97,13 +97,6 @@ def test_what_moves_is_framed_and_what_stands_is_not():
     swept.take({})
     assert (swept.box[0][0], swept.box[1][0]) == pytest.approx((-0.1, 1.1))
     assert swept.fixed[:, :, 0].tolist() == [pytest.approx([8.9, 9.1])]
-
-
-def test_the_page_has_our_title_and_mark():
-    page = '<link\n rel="icon" href="x"/><title>Viser</title>'
-    ours = branded(page, "a<b")
-    assert "<title>a&lt;b · stepbus</title>" in ours
-    assert 'href="data:image/svg+xml,%3Csvg' in ours
 
 
 def test_many_marks_leave_the_serious_ones_on_the_slider():

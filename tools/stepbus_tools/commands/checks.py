@@ -58,7 +58,7 @@ def _verdict(report: Report) -> str:
 
 
 def doctor_command(_given: Doctor) -> Answer:
-    """Return what is broken or missing on this machine."""
+    """Examine this machine; return the findings, with exit code 1 if one is a failure."""
     findings = examine()
     is_broken = any(finding.verdict == "fail" for finding in findings)
     return Answer(
@@ -69,7 +69,7 @@ def doctor_command(_given: Doctor) -> Answer:
 
 
 def selftest_command(given: Selftest) -> Answer:
-    """Move the joints, and return how far each one went."""
+    """Test every joint of a plant; return the verdicts, with exit code 11 if one fails."""
     loaded = load(given.scenario, given.set)
     title = f"{loaded.name} selftest"
     with displayed(title, quiet=given.json) as display, interruptible() as interrupt:

@@ -201,7 +201,7 @@ class Selftest(Command, work="checks", group="test", is_run=True):
 
 
 _Whole = int | str | None
-"""An integer; the text of what is none is reported with all that is wrong with the sweep."""
+"""An integer; any other text is reported with all other problems of the sweep."""
 
 
 class Sweep(Command, work="sweep", group="many", is_run=True):

@@ -1,8 +1,8 @@
 """`stepbus sweep`: many runs of one scenario, and one table of them."""
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Iterator
+from contextlib import closing, nullcontext
 
 from stepbus import sweep
 from stepbus_orchestrator.cli.signals import interruptible
@@ -20,19 +20,14 @@ def sweep_command(given: Sweep) -> Answer:
     options = vars(given).copy()
     is_json, timeout, jobs = (options.pop(name) for name in ("json", "timeout", "jobs"))
     options |= {"jobs": jobs or 0, "timeout_s": parse_duration(timeout) * 1e-9 if timeout else 0.0}
-    with interruptible(ends=True) as interrupt, _shown(quiet=is_json) as show:
-        result = sweep(**options, on_progress=show, interrupt=interrupt)
+    with (
+        interruptible(ends=True) as interrupt,
+        nullcontext() if is_json else closing(open_screen(sys.stdout)) as screen,
+    ):
+        if screen is not None:
+            options["on_progress"] = lambda progress: screen.show(_reached(progress))
+        result = sweep(**options, interrupt=interrupt)
     return Answer(value=result, lines=_summary(result))
-
-
-@contextmanager
-def _shown(*, quiet: bool) -> Iterator[Callable[[SweepProgress], None]]:
-    """Yield what shows the progress."""
-    if quiet:
-        yield lambda _progress: None
-        return
-    with closing(open_screen(sys.stdout)) as screen:
-        yield lambda progress: screen.show(_reached(progress))
 
 
 def _reached(progress: SweepProgress) -> Reached:

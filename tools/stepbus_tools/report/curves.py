@@ -46,7 +46,7 @@ class Curve:
             self._reduce(rest)
 
     def line(self, index: int) -> Line:
-        """Return one line."""
+        """Return (t [s], values), each shape (p,), of line `index`."""
         if self._rest is None:
             return np.empty(0), np.empty(0)
         t, values = _joined(self._kept, self._rest)[:, :, index]
@@ -92,7 +92,7 @@ class FieldCurve:
 
 
 class PortReader(ABC):
-    """Takes what a report shows of one port. problem: why it is not read to its end; or empty."""
+    """Reads one port for a report. problem: why it is not read to its end; or empty."""
 
     def __init__(self, port: Port) -> None:
         self.port = port
@@ -100,7 +100,7 @@ class PortReader(ABC):
 
     @abstractmethod
     def take(self, batch: Batch) -> None:
-        """Take the next piece; raises MessageError for one that cannot be read."""
+        """Add the next batch; raises MessageError for a message that cannot be read."""
 
 
 def read_ports(recording: Recording, readers: Sequence[PortReader]) -> float:
@@ -141,7 +141,7 @@ class PortCurves(PortReader):
         self._most, self._widest, self._points = most, widest, points
 
     def take(self, batch: Batch) -> None:
-        """Take the next piece; raises MessageError for one that cannot be read."""
+        """Add the next batch; raises MessageError for a message that cannot be read."""
         for field, values in list(self._table.numbers(batch, self._read)):
             width = 0 if values is None else values.shape[1]
             known = self.fields.get(field.name)
@@ -164,7 +164,7 @@ class ContactCurves(PortCurves):
     """How many contacts there are, and how hard."""
 
     def take(self, batch: Batch) -> None:
-        """Take the next piece; raises MessageError for one that cannot be read."""
+        """Add the next batch; raises MessageError for a message that cannot be read."""
         messages: list[Any] = list(batch.messages())
         rows = np.array([(len(m.pairs), sum(m.force), max(m.peaks, default=0.0)) for m in messages])
         self._add(batch, "pairs in contact", "", ["pairs"], rows[:, :1])
@@ -178,7 +178,7 @@ class SignalCurves:
         self.names = list(first.names)
         self.limits: Mapping[str, Sequence[float]] = first.limits
         self.joint_types: Mapping[str, str] = first.joint_types
-        self._modes: set[str] = set()
+        self.modes: set[str] = set()
         self._curves: dict[str, Curve] = {}
         self._count = 0
 
@@ -187,7 +187,7 @@ class SignalCurves:
         self._count += len(signal.t)
         if list(signal.names) != self.names:
             return
-        self._modes |= signal.modes
+        self.modes |= signal.modes
         fields = dict(signal.fields)
         if "position" in fields and "velocity" not in fields and len(signal.t) > 1:
             # Where it is not sensed, it is the finite difference of positions.
@@ -195,13 +195,8 @@ class SignalCurves:
         for quantity, values in fields.items():
             self._curves.setdefault(quantity, Curve()).add(signal.t, values)
 
-    @property
-    def is_torque(self) -> bool:
-        """Return whether it commands torques, and nothing else but to brake."""
-        return "torque" in self._modes and self._modes <= _TORQUE_ONLY
-
     def of(self, quantity: str, joint: str) -> Line | None:
-        """Return one quantity of one joint; None where any message lacks it."""
+        """Return (t [s], values) of a quantity of a joint; None where any message lacks it."""
         curve = self._curves.get(quantity)
         if curve is None or curve.count != self._count or joint not in self.names:
             return None
@@ -244,8 +239,9 @@ class JointCurves:
 
     @property
     def torques(self) -> list[SignalCurves]:
-        """Return the ports that command torques."""
-        return [curves for curves in self._commands.values() if curves.is_torque]
+        """Return the ports that only command torques, or brake."""
+        commands = self._commands.values()
+        return [one for one in commands if "torque" in one.modes and one.modes <= _TORQUE_ONLY]
 
     def state_of(self, joint: str) -> SignalCurves | None:
         """Return the state that measures a joint."""
@@ -256,7 +252,7 @@ class JointCurves:
         return _with(joint, self._references)
 
     def unit(self, joint: str) -> str:
-        """Return the unit of a joint's position: m of a prismatic one, else rad."""
+        """Return the unit of a joint's position: m for a prismatic joint, else rad."""
         state = self.state_of(joint)
         is_prismatic = state is not None and state.joint_types.get(joint) == "prismatic"
         return "m" if is_prismatic else "rad"

@@ -53,7 +53,7 @@ class Bundle:
 
 
 def collect(variants: Sequence[Scenario], metrics: Sequence[str]) -> Bundle:
-    """Return what runs of a scenario need, and metrics such as `my.py:tracking`.
+    """Return the bundle of a scenario and of metrics such as `my.py:tracking`.
 
     variants: the scenario, and the same with values that name other files. Raises WiringError for
     a metric without a file, RecordingFailed for a file that cannot be read.
@@ -96,7 +96,7 @@ def metric_file(text: str) -> Path:
 
 
 def _modules_beside(path: Path) -> dict[str, bytes]:
-    """Return a module, and those beside it, which it may import."""
+    """Return name → content of a module and of the modules next to it, which it may import."""
     packages = sorted(init.parent for init in path.parent.glob("*/__init__.py"))
     beside = [
         *path.parent.glob("*.py"),
@@ -107,7 +107,7 @@ def _modules_beside(path: Path) -> dict[str, bytes]:
 
 
 def _settings(scenario: Scenario) -> list[str]:
-    """Return what a scenario's text leaves out, since it changes no result."""
+    """Return the settings that are not in a scenario's text, since they change no result."""
     return [
         f"window={scenario.window}",
         f"batch={scenario.batch}",

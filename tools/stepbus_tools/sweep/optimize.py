@@ -19,7 +19,7 @@ _RANDOM = 10
 
 
 class Optimizer:
-    """Asks Optuna for points, and tells it what came of them."""
+    """Asks Optuna for points, and tells it the metrics of their runs."""
 
     def __init__(self, plan: Plan) -> None:
         (optuna,) = need(argument("--optimize"), "optuna")
@@ -42,7 +42,7 @@ class Optimizer:
         return self._trials
 
     def batches(self) -> Iterator[list[Point]]:
-        """Yield the points of one batch after the other; tell the rows before the next."""
+        """Yield the points of each batch; call `tell` with their rows before the next."""
         for first in range(0, self._trials, self._batch):
             last = min(first + self._batch, self._trials)
             points = []
@@ -53,7 +53,7 @@ class Optimizer:
             yield points
 
     def tell(self, rows: Sequence[ResultRow]) -> None:
-        """Tell what came of a batch; a run without the metric is a failed one.
+        """Report the rows of a batch to Optuna; a run without the metric counts as failed.
 
         Raises WiringError where no run has a number to optimise: after the first ten, or all.
         """

@@ -98,7 +98,7 @@ def sweep(
     on_progress: Callable[[SweepProgress], None] = lambda _progress: None,
     interrupt: threading.Event | None = None,
 ) -> SweepResult:
-    """Run what is missing of a sweep, and write its tables.
+    """Run the missing points of a sweep, and write its tables.
 
     interrupt: ends it once it is set; what is done stays, and the same call goes on from there.
 
@@ -132,7 +132,7 @@ def _claimed(home: Path) -> Iterator[None]:
 
 
 def _claim(plan: Plan, bundle: Bundle, home: Path) -> None:
-    """Make a folder this sweep's; raises OutputExists where it is another one's."""
+    """Claim a folder for this sweep; raises OutputExists where it holds another sweep."""
     fingerprint = bundle.fingerprint()
     if not (home / SPEC_FILE).exists():
         shutil.rmtree(home / SOURCE_FOLDER, ignore_errors=True)
@@ -174,7 +174,7 @@ class _Sweep:
         self._began = self._tabled = time.monotonic()
 
     def run(self, interrupt: threading.Event) -> SweepResult:
-        """Run what has no row, and write the tables and the page; raises Interrupted."""
+        """Run all points without a row, and write the tables and the page; raises Interrupted."""
         journal = self._journal
         for row in journal.rows():
             self._count(row)
@@ -253,7 +253,7 @@ class _Sweep:
         self._metric_errors += bool(row.metric_error)
 
     def _report(self, phase: str = RUNNING) -> None:
-        """Notify how far the sweep is, and what happens now."""
+        """Notify the observer of the progress and the current phase."""
         made = len(self._journal) - self._resumed if phase == RUNNING else 0
         self._on_progress(
             SweepProgress(

@@ -36,7 +36,7 @@ _NO_FAULT = "none"
 
 
 class Spec(Settings):
-    """What a sweep runs, and what of it stays."""
+    """The declaration of a sweep."""
 
     scenario: str
     """A scenario file, relative to the sweep's, a folder, or the name of a built-in one."""
@@ -85,7 +85,7 @@ class Plan:
 
 
 def plan(scenario: str, options: Mapping[str, Any]) -> Plan:
-    """Return the sweep of a scenario, or that of a sweep's file; nothing starts.
+    """Return the plan of a sweep, given as a scenario or as a sweep's file; nothing starts.
 
     The scenario is loaded with values of each axis. options: take the place of what the file has.
     Raises ScenarioError with every problem.
@@ -138,7 +138,7 @@ def _in_folder(axis: Axis, folder: Path) -> Axis:
 
 
 def _read(scenario: str, options: Mapping[str, Any]) -> tuple[Spec, Problems]:
-    """Return what declares a sweep, and what is wrong with each value.
+    """Return the declaration of a sweep, and the problems of its values.
 
     What is wrong is replaced by its default.
     """
@@ -158,21 +158,13 @@ def _read(scenario: str, options: Mapping[str, Any]) -> tuple[Spec, Problems]:
 
 
 def _contradictions(spec: Spec, axes: Sequence[Axis | None]) -> Iterator[tuple[Keys, str]]:
-    """Yield what does not go together in a sweep; axes: None, those that are none."""
-    usual = Spec(scenario="")
-    known = [axis for axis in axes if axis is not None]
-    is_drawn = len(known) < len(axes) or any(axis.distribution for axis in known)
+    """Yield (keys, message) of each contradiction in a sweep; axes: None for an invalid axis."""
     if not axes:
         yield ("vary",), "needs at least one axis, e.g. controller.params.kp=50:200:7"
     if spec.optimize is not None:
-        yield from _optimizer_problems(spec, spec.optimize, usual)
-    else:
-        if spec.trials or spec.maximize:
-            yield ("optimize",), "needs the name of a metric, as trials are for an optimizer"
-        if spec.batch != usual.batch:
-            yield ("batch",), "is only for an optimizer"
-        if spec.sampling != usual.sampling and not is_drawn:
-            yield ("sampling",), "no axis has a distribution to sample"
+        yield from _optimizer_problems(spec, spec.optimize)
+    elif spec.trials or spec.maximize:
+        yield ("optimize",), "needs the name of a metric, as trials are for an optimizer"
     for number, axis in enumerate(axes):
         if axis is None:
             continue
@@ -184,11 +176,12 @@ def _contradictions(spec: Spec, axes: Sequence[Axis | None]) -> Iterator[tuple[K
             yield ("vary", number), f"{axis.text}: {text}"
 
 
-def _optimizer_problems(spec: Spec, name: str, usual: Spec) -> Iterator[tuple[Keys, str]]:
-    """Yield what is wrong with a sweep that optimises a metric."""
+def _optimizer_problems(spec: Spec, name: str) -> Iterator[tuple[Keys, str]]:
+    """Yield (keys, message) of each problem of a sweep that optimises a metric."""
     if not spec.trials:
         text = f"an optimizer needs a number of runs in {argument('--trials')}, e.g. 100"
         yield ("trials",), text
+    usual = Spec(scenario="")
     for key in ("samples", "repeats", "sampling"):
         if getattr(spec, key) != getattr(usual, key):
             yield (key,), "the optimizer chooses the runs; remove it"
@@ -209,7 +202,7 @@ def _loads(scenario: str) -> bool:
 
 
 def _typed(spec: Spec, axis: Axis) -> Axis:
-    """Return an axis with all numbers that its parameter takes: fractions where it takes one."""
+    """Return an axis whose span has fractions if its parameter accepts them."""
     if axis.span is None or not axis.span.is_whole:
         return axis
     try:
@@ -222,7 +215,7 @@ def _typed(spec: Spec, axis: Axis) -> Axis:
 def _variants(
     scenario: str, overrides: Sequence[str], axis: Axis, problems: Problems
 ) -> Iterator[Scenario]:
-    """Yield the scenario with values of an axis that name files; add what is wrong with others."""
+    """Yield the scenario with each value that names a file; add the problems of all values."""
     sentences: dict[str, None] = {}
     for values in axis.probes():
         texts, faults = overrides_of(Point(0, dict(zip(axis.paths, values, strict=True))))

@@ -1,4 +1,4 @@
-"""Who may read what a view's server sends: browsers of this machine that have its address."""
+"""Access to the server of a view: only requests with its token, from pages of this server."""
 
 import atexit
 import errno
@@ -67,47 +67,38 @@ def open_in_browser(address: str) -> None:
     webbrowser.open(file.as_uri())
 
 
-class Door:
-    """Lets in requests whose path begins with a secret, from pages of this server only.
+def new_token() -> str:
+    """Return a token that cannot be guessed."""
+    return secrets.token_urlsafe(_TOKEN_BYTES)
 
-    host: where the page listens. port: set once the server has it.
+
+def address_of(host: str, port: int, token: str) -> str:
+    """Return the address of a page."""
+    shown = "localhost" if host in _ALL else f"[{host}]" if ":" in host else host
+    return f"http://{shown}:{port}/{token}/"
+
+
+def only_with(token: str, process: Process) -> Process:
+    """Return a `process` for requests whose path begins with a token, from pages of its server.
+
+    `process` gets paths without the token; all other requests are refused.
     """
 
-    def __init__(self, host: str) -> None:
-        self._host = host
-        self._token = secrets.token_urlsafe(_TOKEN_BYTES)
-        self.port = 0
+    def process_request(connection: Any, request: Any) -> Any:
+        given, _, rest = request.path.removeprefix("/").partition("/")
+        name, mark, query = given.partition("?")
+        host, origins = request.headers.get("Host"), request.headers.get_all("Origin")
+        if not hmac.compare_digest(name.encode(), token.encode()):
+            why = "Open the URL that `stepbus view` prints.\n"
+            response = connection.respond(HTTPStatus.FORBIDDEN, why)
+        elif not all(origin in {f"http://{host}", f"https://{host}"} for origin in origins):
+            why = "A page of another server asks for this one.\n"
+            response = connection.respond(HTTPStatus.FORBIDDEN, why)
+        else:
+            request.path = f"/{rest}{mark}{query}"
+            response = process(connection, request)
+        if response is not None:
+            response.headers.update(_HEADERS)
+        return response
 
-    @property
-    def address(self) -> str:
-        """Return the address of the page, with the secret."""
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        shown = "localhost" if self._host in _ALL else host
-        return f"http://{shown}:{self.port}/{self._token}/"
-
-    def guard(self, process: Process) -> Process:
-        """Return `process` behind the door, which hands it paths without the secret."""
-
-        def process_request(connection: Any, request: Any) -> Any:
-            given, _, rest = request.path.removeprefix("/").partition("/")
-            token, mark, query = given.partition("?")
-            if not hmac.compare_digest(token.encode(), self._token.encode()):
-                why = "Open the URL that `stepbus view` prints.\n"
-                response = connection.respond(HTTPStatus.FORBIDDEN, why)
-            elif not _is_from_here(request.headers):
-                why = "A page of another server asks for this one.\n"
-                response = connection.respond(HTTPStatus.FORBIDDEN, why)
-            else:
-                request.path = f"/{rest}{mark}{query}"
-                response = process(connection, request)
-            if response is not None:
-                response.headers.update(_HEADERS)
-            return response
-
-        return process_request
-
-
-def _is_from_here(headers: Any) -> bool:
-    """Return whether a request comes from no page of another server."""
-    host, origins = headers.get("Host"), headers.get_all("Origin")
-    return all(origin in {f"http://{host}", f"https://{host}"} for origin in origins)
+    return process_request

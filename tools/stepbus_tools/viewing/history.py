@@ -86,7 +86,9 @@ def mark_of(source: str, t: float, message: object) -> Mark | None:
     """Return the mark of a message at a time [s]; None unless it is an event, a call or a goal."""
     match message:
         case CallRecord():
-            return Mark(t=t, level="call", source=message.participant, text=call_text(message))
+            text = f"{message.method}({', '.join(map(repr, message.args))})"
+            text += f": {message.error}" if message.error else ""
+            return Mark(t=t, level="call", source=message.participant, text=text)
         case Event():
             return Mark(t=t, level=message.level, source=source, text=message.text)
         case GoalStatus() if message.state not in ("accepted", "running"):
@@ -97,7 +99,7 @@ def mark_of(source: str, t: float, message: object) -> Mark | None:
 
 
 def _faults(recording: Recording, result: Result | None) -> Iterator[Mark]:
-    """Yield the faults of the scenario, by what its own form of them says."""
+    """Yield a mark for each injected fault."""
     planned = recording.metadata.get(layout.FAULTS_METADATA, {}).values()
     step_ns = result.step_ns if result else History(recording).step_ns
     for text in dict.fromkeys([*planned, *(result.faults if result else ())]):
@@ -111,12 +113,6 @@ def _failure(result: Result | None) -> Iterator[Mark]:
         t_ns = result.at_step * result.step_ns
         who = result.participant or "orchestrator"
         yield Mark(t=t_ns * 1e-9, level="failure", source=who, text=result.reason)
-
-
-def call_text(call: CallRecord) -> str:
-    """Return what was called, and why it failed."""
-    text = f"{call.method}({', '.join(map(repr, call.args))})"
-    return f"{text}: {call.error}" if call.error else text
 
 
 def stop_of(call: CallRecord, t_s: float) -> str | None:

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Tail, layout
+from stepbus_orchestrator.recording import Recording, Tail, layout
 from stepbus_orchestrator.run.live_file import LIVE_FILE
-from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.result import Result, result_beside
 from stepbus_schemas import CallRecord, Decoder, StepbusError
 from stepbus_tools.report.charts import Mark
 from stepbus_tools.report.summary import scenario_name
@@ -25,7 +25,7 @@ from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.scene import Latest, Messages
 from stepbus_tools.viewing.stage.curves import Data, Signal
 from stepbus_tools.viewing.stage.stage import Framing, add_light
-from stepbus_tools.viewing.stage.view import View, failure_banner, plain_topics, result_in
+from stepbus_tools.viewing.stage.view import View, failure_banner, plain_topics
 from stepbus_tools.viewing.viewpoint import Swept
 
 _IDLE_S = 5.0
@@ -34,7 +34,7 @@ _START_S = 600.0
 _LAST_S = 0.2
 """What a browser takes to be told the last."""
 _RESULT_S = 5.0
-"""What a run takes from the end of its recording to its result."""
+"""How long a run may take from the end of its recording to its result [s]."""
 _CHART_S = 0.25
 _WORDS_S = 0.5
 _RATE_S = 2.0
@@ -48,7 +48,7 @@ _BYTES = 2 * 1024 * 1024
 
 
 class LivePage:
-    """A run on a page: its scene, its curves, its participants, and what can be asked of it.
+    """A live run on a page: its scene, curves, participants and controls.
 
     server: of viser. tail: of its recording, which has its first messages. client: of the run.
     """
@@ -89,7 +89,7 @@ class LivePage:
         self.turn(self._tail.poll() or is_new)
 
     def turn(self, is_new: bool) -> None:
-        """Show what is new."""
+        """Update the page; is_new: whether messages have been recorded since the last turn."""
         now = time.monotonic()
         if is_new:
             messages = self._latest(self._view.topics)
@@ -115,12 +115,12 @@ class LivePage:
             self._controls.update(self._view.stopped or self._stopped_by_call)
 
     def _latest(self, topics: Iterable[str]) -> Messages:
-        """Return the newest message of each port that has one to read."""
+        """Return topic → newest message, for ports with a readable message."""
         rows = ((topic, self._tail.latest(topic)) for topic in topics)
         return {topic: Latest(*row) for topic, row in rows if row is not None}
 
     def end(self, *, has_failed: bool) -> None:
-        """Say that the run has ended, and take off what would no longer act."""
+        """Show that the run has ended, and hide the controls."""
         self._view.status.content = "**failed**" if has_failed else "**ended**"
         self._controls.end()
 
@@ -147,11 +147,18 @@ class LivePage:
     def _step_s(self) -> float:
         return (self._tail.step_ns or 1_000_000_000) * 1e-9
 
+    def _decoded(self, topic: str, data: bytes) -> object:
+        """Return a decoded message or recorded call; None if it cannot be read."""
+        with contextlib.suppress(StepbusError):
+            is_call = topic == layout.CALLS_TOPIC
+            return _decode_call(data) if is_call else self._tail.decode(topic, data)
+        return None
+
     def _tell_events(self) -> None:
         marks = list[Mark]()
         for topic in self._event_topics:
             for step, data in self._tail.take_kept(topic):
-                t_s, message = step * self._step_s, _decoded(self._tail, topic, data)
+                t_s, message = step * self._step_s, self._decoded(topic, data)
                 mark = mark_of(topic.replace("/", ".", 1), t_s, message)
                 marks += [] if mark is None else [mark]
                 stop = stop_of(message, t_s) if isinstance(message, CallRecord) else None
@@ -159,15 +166,6 @@ class LivePage:
         if marks:
             self._marks = sorted([*self._marks, *marks], key=lambda mark: mark.t)[-_MOST_MARKS:]
             self._view.tell(self._marks)
-
-
-def _decoded(tail: Tail, topic: str, data: bytes) -> object:
-    """Return a message or a recorded call; None for one that cannot be read."""
-    if topic != layout.CALLS_TOPIC:
-        return tail.decode(topic, data)
-    with contextlib.suppress(StepbusError):
-        return _decode_call(data)
-    return None
 
 
 def headline(status: Any, last_step: int, rate: float) -> str:
@@ -193,7 +191,7 @@ class Points:
         self._rows: dict[tuple[str, str], deque[tuple[int, list[float]]]] = {}
 
     def add(self) -> None:
-        """Keep what is new."""
+        """Keep the newest message of each port."""
         for topic, kept in self._kept.items():
             newest = self._tail.newest(topic)
             if newest is not None and (not kept or newest[0] > kept[-1][0]):
@@ -246,8 +244,10 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
 
 def _result_of(folder: Path, is_over: Callable[[], bool]) -> Result | None:
     """Return the result of a run that has ended, which is written after its recording."""
-    deadline = time.monotonic() + _RESULT_S
-    while (result := result_in(folder)) is None and not is_over() and time.monotonic() < deadline:
+    result, deadline = None, time.monotonic() + _RESULT_S
+    while result is None and not is_over() and time.monotonic() < deadline:
+        with contextlib.suppress(StepbusError, OSError), Recording(folder) as recording:
+            result = result_beside(recording)
         time.sleep(_LAST_S)
     return result
 

@@ -19,7 +19,6 @@ from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.scene import Messages
 from stepbus_tools.viewing.stage.curves import Data, Signal
 from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Framing, Stage, add_light
 from stepbus_tools.viewing.stage.view import (
@@ -66,34 +65,6 @@ def open_recording(path: Path) -> Recording:
     return recording
 
 
-class Findings:
-    """What is found in recordings, in the background: what happened, and where they part.
-
-    marks: in order of time; one says why they cannot be compared. stops: time [ns], and who has
-    stopped the robot by a call; empty: it has been released. runs: names of both recordings.
-    """
-
-    def __init__(
-        self, recording: Recording, other: Recording | None, runs: Sequence[str] = ()
-    ) -> None:
-        self.marks: tuple[Mark, ...] = ()
-        self.stops: list[tuple[int, str]] = []
-        paths = (recording.path, None if other is None else other.path, runs)
-        threading.Thread(target=self._read, args=paths, name="events", daemon=True).start()
-
-    def _read(self, path: Path, other: Path | None, runs: Sequence[str]) -> None:
-        with Recording(path) as recording:
-            events, _ = read_timeline(recording, result_beside(recording))
-            if calls := recording.ports.get(layout.CALLS_TOPIC):
-                rows = ((t_ns, stop_of(call, t_ns * 1e-9)) for t_ns, call in timed_messages(calls))
-                self.stops = [(t_ns, stop) for t_ns, stop in rows if stop is not None]
-            self.marks = tuple(events)
-            if other is not None:
-                step_s = History(recording).step_ns * 1e-9
-                parting = _parting(path, other, runs, step_s)
-                self.marks = tuple(sorted([*events, parting], key=lambda mark: mark.t))
-
-
 def _parting(path: Path, other: Path, runs: Sequence[str], step_s: float) -> Mark:
     """Return the mark of the first difference of two recordings. step_s: length of a step [s]."""
     try:
@@ -118,7 +89,12 @@ class Playback:
         self._history = histories[0]
         scenes = [build_scene(one) for one in recordings]
         self._runs = runs = run_names([one.path for one in recordings])
-        self._findings = Findings(recording, other, runs)
+        # What is found in the background: all marks, and time [ns] and author of each stop by a
+        # call; empty: a release.
+        self._found: tuple[Mark, ...] = ()
+        self._stops: list[tuple[int, str]] = []
+        paths = [one.path for one in recordings]
+        threading.Thread(target=self._find, args=paths, name="events", daemon=True).start()
         add_light(server.scene)
         self._framing, self._swept = Framing(server), swept(scenes[0], self._history)
         self._gui = server.gui
@@ -149,15 +125,24 @@ class Playback:
         topics = plain_topics(recording.ports)
         self.view.offer_signals(self._history.at(topics, self._history.end_ns))
 
+    def _find(self, path: Path, other: Path | None = None) -> None:
+        """Collect the events of a recording, and its first divergence from another."""
+        with Recording(path) as recording:
+            events, _ = read_timeline(recording, result_beside(recording))
+            if calls := recording.ports.get(layout.CALLS_TOPIC):
+                rows = ((t_ns, stop_of(call, t_ns * 1e-9)) for t_ns, call in timed_messages(calls))
+                self._stops = [(t_ns, stop) for t_ns, stop in rows if stop is not None]
+            self._found = tuple(events)
+            if other is not None:
+                step_s = History(recording).step_ns * 1e-9
+                parting = _parting(path, other, self._runs, step_s)
+                self._found = tuple(sorted([*events, parting], key=lambda mark: mark.t))
+
     def _sample(self, signal: Signal) -> Data:
         """Return a signal over the whole recording, at evenly spaced times."""
         if signal.key not in self._samples:
             self._samples[signal.key] = self._read(signal)
         return self._samples[signal.key]
-
-    def _past(self, step: int) -> Messages:
-        """Return what placed the scene at a step."""
-        return self._history.at(self.view.stage.scene.topics, step * self._history.step_ns)
 
     def _read(self, signal: Signal) -> Data:
         times = self._history.times(max(1, min(_SAMPLES, self._history.last_step)))
@@ -227,8 +212,8 @@ class Playback:
         self._t_ns = min(max(0, t_ns), self._history.end_ns)
 
     def _mark(self) -> None:
-        """Show what has been found since."""
-        self._marks = self._findings.marks
+        """Show the marks found in the background."""
+        self._marks = self._found
         self.jumps = {mark.label: self._step_at(mark.t) for mark in self._marks}
         self._jump.options = (_JUMP, *self.jumps)
         self._jump.visible = bool(self.jumps)
@@ -239,8 +224,8 @@ class Playback:
     # --- time -----------------------------------------------------------------------------
 
     def turn(self, elapsed_s: float) -> None:
-        """Go on by the time since the last turn [s], and show what is new."""
-        if self._marks is not self._findings.marks:
+        """Advance by the time since the last turn [s], and update the page."""
+        if self._marks is not self._found:
             self._mark()
         if self.is_playing:
             speed = _SPEEDS[self._speed.value]
@@ -259,10 +244,14 @@ class Playback:
     def _show(self) -> None:
         t_ns, history = self._t_ns, self._history
         self._shown_ns = t_ns
-        self.view.show(history.at(self.view.topics, t_ns), self._past)
+        moving = self.view.stage.scene.topics
+        self.view.show(
+            history.at(self.view.topics, t_ns),
+            lambda step: history.at(moving, step * history.step_ns),
+        )
         for other, stage in self._others:
             stage.move(stage.scene.poses(other.at(stage.scene.topics, t_ns)))
-        called = [who for since_ns, who in self._findings.stops if since_ns <= t_ns]
+        called = [who for since_ns, who in self._stops if since_ns <= t_ns]
         banner = stop_banner(self.view.stopped or next(reversed(called), ""))
         if banner != self._stop.content:
             self._stop.content = banner

@@ -77,7 +77,7 @@ class RunClient:
                 line.call("", "flush", [None], _ANSWER_S)
 
     def _wait(self) -> list[Ask]:
-        """Wait for what is asked, and return all of it."""
+        """Wait for requests; return all that have come."""
         asks: list[Ask | None] = []
         with contextlib.suppress(queue.Empty):
             asks.append(self._asked.get(timeout=_STATUS_S))
@@ -98,7 +98,7 @@ class RunClient:
 
 
 def newest(asked: Sequence[Ask]) -> list[Ask]:
-    """Return what is asked, without positions of a slider that has been dragged on since."""
+    """Return the requests without outdated positions of a dragged slider."""
     kept: list[Ask] = []
     for ask in asked:
         participant, method, args = ask

@@ -39,12 +39,12 @@ class Swept:
 
     @property
     def box(self) -> Box:
-        """Return what is to be seen."""
+        """Return the box to look at."""
         return self._swept if self._swept is not None else (np.full(3, -1.0), np.full(3, 1.0))
 
     @property
     def fixed(self) -> NDArray[np.float64]:
-        """Return the boxes of what has not moved so far, while other things have.
+        """Return the boxes of bodies at rest, once another body has moved.
 
         Shape (n, 2, 3) [m]: lower and upper corners.
         """
@@ -80,7 +80,7 @@ class Swept:
 
 
 def swept(scene: Scene, history: History, start_ns: int = 0, end_ns: int | None = None) -> Swept:
-    """Return what moves from one time to another [ns], by default the whole run."""
+    """Return the swept box between two times [ns], by default of the whole run."""
     found, last = Swept(scene), history.end_ns if end_ns is None else end_ns
     for t_ns in np.linspace(start_ns, last, _LOOKS + 1, dtype=np.int64).tolist():
         found.take(history.at(scene.topics, t_ns))
@@ -88,7 +88,7 @@ def swept(scene: Scene, history: History, start_ns: int = 0, end_ns: int | None 
 
 
 def _solids(scene: Scene) -> Iterator[tuple[str, str, Pose, NDArray[np.float64]]]:
-    """Yield what is seen: frame, body, pose of its middle in the frame, half of its size [m]."""
+    """Yield (frame, body, pose of the middle in the frame, half size [m]) of each solid."""
     for frame in scene.frames:
         for visual in () if frame.is_ghost else frame.visuals:
             low, high = visual.mesh.vertices.min(axis=0), visual.mesh.vertices.max(axis=0)
@@ -217,7 +217,7 @@ def size_of(box: Box) -> float:
 def parse_viewpoint(
     text: str, box: Box, aspect: float = 1.5, fixed: Floats = _NOTHING
 ) -> Viewpoint:
-    """Return the viewpoint of `corner`, …, `X,Y,Z` or `X,Y,Z:X,Y,Z`: the eye, and what it sees.
+    """Return the viewpoint of `corner`, …, `X,Y,Z` or `X,Y,Z:X,Y,Z` (eye, and target).
 
     box, aspect, fixed: as of `framed`. Raises WiringError for any other text.
     """

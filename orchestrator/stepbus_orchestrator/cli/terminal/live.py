@@ -7,17 +7,15 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 from typing import IO
 
 from stepbus_orchestrator.cli.terminal.keys import HELP
 from stepbus_orchestrator.cli.terminal.output import INDENT, fold, has_screen, visible, write
-from stepbus_orchestrator.cli.terminal.stdout_buffer import is_held
 from stepbus_orchestrator.run.reports import Observer, Progress
 
-_FIRST_LINES_S = (2.0, 10.0)
+_FIRST_LINE_S = 2.0
 _LINES_EVERY_S = 60.0
-_MINUTE_S, _HOUR_S = 90.0, 90 * 60.0
-"""From where on a time is said in minutes, or in hours [s]."""
 _BAR_COLUMNS = 30
 _REPORTS = 40
 """How many reports, of about four a second, count for the rate."""
@@ -31,8 +29,7 @@ class Reached:
 
     title: what it does. what: where it is, e.g. `step 840 of 2000`. done, total: how much, in any
     unit; a total of None has no end. rate: how fast, in words. left_s: time left [s]; None: not
-    known. is_paused: nothing moves until the user lets it. note: what else is worth a line. detail:
-    the same, below the bar only.
+    known. is_paused: nothing moves until the user lets it. note: what else is worth a line.
     """
 
     title: str
@@ -43,14 +40,13 @@ class Reached:
     left_s: float | None = None
     is_paused: bool = False
     note: str = ""
-    detail: str = ""
 
     def figures(self) -> list[str]:
         """Return the share that is done, the rate and the time left, as far as they are known."""
         # It is 100 % at the end only.
         share = f"{math.floor(100 * self.done / self.total)} %" if self.total else ""
-        has_left = self.left_s is not None and self.left_s >= 1.0 and not self.is_paused
-        left = f"{_span(self.left_s or 0.0)} left" if has_left else ""
+        seconds = round(self.left_s or 0.0)
+        left = f"{timedelta(seconds=seconds)} left" if seconds else ""
         return [figure for figure in (share, self.rate, left) if figure]
 
     def line(self) -> str:
@@ -59,16 +55,8 @@ class Reached:
         return f"{self.title}: {', '.join([self.what, *self.figures()])}{note}"
 
 
-def _span(seconds: float) -> str:
-    """Return a time span in words, such as `12 s`, `3 min` or `2 h 05 min`."""
-    if seconds < _MINUTE_S:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if seconds < _HOUR_S else f"{minutes // 60} h {minutes % 60:02} min"
-
-
 class Lines:
-    """Prints lines; of progress after 2 s and 10 s, then one a minute, and at the ends of a pause.
+    """Prints lines: of progress after 2, 10 and 50 s, then each minute, and at the ends of a pause.
 
     clock: seconds of the wall clock.
     """
@@ -77,7 +65,7 @@ class Lines:
         self._stream = stream
         self._clock = clock
         self._began_s = clock()
-        self._due_s = _FIRST_LINES_S[0]
+        self._due_s = _FIRST_LINE_S
         self._is_paused = False
 
     def say(self, text: str) -> None:
@@ -89,8 +77,7 @@ class Lines:
         passed_s = self._clock() - self._began_s
         is_due = passed_s >= self._due_s
         if is_due:
-            later = [at for at in _FIRST_LINES_S if at > passed_s]
-            self._due_s = later[0] if later else passed_s + _LINES_EVERY_S
+            self._due_s = min(5 * passed_s, passed_s + _LINES_EVERY_S)
         if reached.is_paused != self._is_paused or (is_due and not reached.is_paused):
             self._is_paused = reached.is_paused
             self.say(reached.line())
@@ -102,54 +89,45 @@ class Lines:
 class Bar:
     """Draws one bar, again with each report; lines that are printed meanwhile stand above it.
 
-    below: lines that always stand below it.
+    below: lines that always stand below its figures.
     """
 
     def __init__(self, stream: IO[str], below: Sequence[str] = ()) -> None:
         # In a pipe, nothing of a run has to load it.
-        from rich import console, live, progress  # noqa: PLC0415
+        from rich import console, progress, table  # noqa: PLC0415
 
-        self._stream = stream
         self._below = below
         self._progress = progress.Progress(
             progress.TextColumn("{task.description}", "bold", markup=False),
             progress.BarColumn(_BAR_COLUMNS, complete_style="cyan", finished_style="cyan"),
-            progress.TextColumn("{task.fields[figures]}", markup=False),
+            progress.TextColumn("{task.fields[text]}", markup=False, table_column=table.Column()),
+            console=console.Console(file=stream),
+            auto_refresh=False,
+            transient=True,
         )
-        self._task = self._progress.add_task("", total=None, figures="")
-        self._console = console.Console(file=stream)
-        self._group = console.Group
-        self._live = live.Live(console=self._console, auto_refresh=False, transient=True)
+        self._task = self._progress.add_task("", total=None, text="")
 
     def say(self, text: str) -> None:
         """Print a line above the bar."""
-        folded = fold(visible(text), self._console.width, INDENT)
-        self._console.print(folded, markup=False, soft_wrap=True)
+        screen = self._progress.console
+        screen.print(fold(visible(text), screen.width, INDENT), markup=False, soft_wrap=True)
 
     def show(self, reached: Reached) -> None:
         """Draw how far the command is."""
-        # What Ctrl-S holds back would be out of date when it is shown.
-        if is_held(self._stream):
-            return
-        from rich.text import Text  # noqa: PLC0415  (see above)
-
-        figures = "  ".join(reached.figures())
+        lines = ("  ".join(reached.figures()), reached.what, reached.note, *self._below)
         self._progress.update(
             self._task,
             description=reached.title,
             total=reached.total,
             completed=reached.done,
-            figures=figures or reached.what,
+            text="\n".join(filter(None, lines)),
         )
-        lines = (reached.what if figures else "", reached.detail, reached.note, *self._below)
-        rows = [Text(line, style="dim") for line in lines if line]
-        self._live.update(self._group(self._progress, *rows))
-        self._live.start()
-        self._live.refresh()
+        self._progress.start()
+        self._progress.refresh()
 
     def close(self) -> None:
         """Remove the bar."""
-        self._live.stop()
+        self._progress.stop()
 
 
 def open_screen(stream: IO[str], below: Sequence[str] = ()) -> Lines | Bar:
@@ -203,7 +181,6 @@ class Display(Observer):
 
     def reached(self, progress: Progress) -> Reached:
         """Return how far the run is, by its newest report."""
-        is_held = bool(self._newest) and progress.step == self._newest[-1].step
         rate = self._rate(progress)
         steps = progress.steps or 0
         done, total = (self._run - 1) * steps + progress.step, self._runs * steps
@@ -216,8 +193,7 @@ class Display(Observer):
             rate=f"{factor:{'.1f' if factor >= 1 else '.2g'}} × real time" if rate else "",
             left_s=(total - done) / rate if rate and total else None,
             is_paused=progress.phase == "paused",
-            note=in_degrees(progress) if self._degrees else "",
-            detail=_detail(progress, rate, is_held=is_held),
+            note=_note(progress, degrees=self._degrees),
         )
 
     def _rate(self, progress: Progress) -> float:
@@ -260,12 +236,10 @@ def displayed(
         yield Display(screen, title, degrees=degrees, runs=runs, has_progress=not is_plain)
 
 
-def _detail(progress: Progress, rate: float, *, is_held: bool) -> str:
-    """Return what slows the run. is_held: it has not moved since the last report."""
-    facts = [f"{rate:.0f} steps/s"] if rate else []
-    if is_held and progress.holders:
-        facts.append(f"waits for {', '.join(progress.holders)}")
-    elif progress.compute_us:
+def _note(progress: Progress, *, degrees: bool) -> str:
+    """Return the angles of all joints if asked for, the slowest participant, and drops."""
+    facts = [in_degrees(progress)] if degrees else []
+    if progress.compute_us:
         slowest = max(progress.compute_us, key=lambda name: progress.compute_us[name])
         facts.append(f"slowest: {slowest}, {progress.compute_us[slowest]:.0f} µs a step")
     if dropped := [f"{count} by {name}" for name, count in progress.drops.items() if count]:

@@ -14,7 +14,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from stepbus_orchestrator.cli.terminal.output import print_error
 
@@ -111,10 +111,3 @@ def hurry() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(buffer := getattr(stream, "buffer", None), StdoutBuffer):
             buffer.is_needed = False
-
-
-def is_held(stream: IO[str]) -> bool:
-    """Return whether the reader of a stream does not take what was written so far."""
-    stream.flush()
-    buffer = getattr(stream, "buffer", None)
-    return isinstance(buffer, StdoutBuffer) and bool(buffer.backlog)

@@ -80,15 +80,19 @@ class Tail:
 
     def poll(self) -> bool:
         """Take what is new; returns whether there was anything."""
-        before = (self._position, self._taken)
-        size = self._file.size
-        while not self.is_complete and self._take_next(size):
-            pass
+        before, size = (self._position, self._taken), self._file.size
+        # What is not whole is just being written.
+        with contextlib.suppress(DamagedRecord):
+            while not self.is_complete and self._take_next(size):
+                pass
         self._skips = False
         return before != (self._position, self._taken)
 
     def _take_next(self, size: int) -> bool:
-        """Take the record behind the last whole one; return whether it is whole too."""
+        """Take the record behind the last whole one; return whether another may follow.
+
+        Raises DamagedRecord when it is not whole.
+        """
         start = self._position
         head = self._file.read(start, HEAD.size)
         if len(head) < HEAD.size:
@@ -104,16 +108,9 @@ class Tail:
             if self._file.read(start, HEAD.size) == head:
                 self._taken = max(self._taken, self._add(records))
             return False
-        if end > size:
-            return False
         is_old = opcode == Opcode.CHUNK and _FIRST_BYTES < end < size - _SKIP_BYTES
         if not (is_old and self._skips):
-            content = self._file.read(start + HEAD.size, length)
-            try:
-                self._add(list(records_of(opcode, content, checked=True)))
-            except DamagedRecord:
-                # It is just being written.
-                return False
+            self._add(list(records_of(*self._file.record(start), checked=True)))
         self.is_complete = opcode == Opcode.DATA_END
         self._position = end
         if opcode == Opcode.CHUNK:

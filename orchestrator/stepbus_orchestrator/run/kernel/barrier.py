@@ -73,11 +73,6 @@ class Barrier:
         ahead = self.completed + self.window
         return ahead if self._steps is None else min(ahead, self._steps)
 
-    @property
-    def finished(self) -> bool:
-        """Return whether every step of the run is complete."""
-        return self._steps is not None and self.completed >= self._steps
-
     def next_step(self, name: str) -> int:
         """Return the step whose output a participant owes next."""
         return self.reported[name] + self._every[name]
@@ -88,9 +83,9 @@ class Barrier:
         They owe an output although all they need for it has been reported; one that waits for
         them is not among them.
         """
-        if self.finished:
-            return []
         step = self.completed
+        if step == self._steps:
+            return []
         owing = [name for name in self.reported if self.next_step(name) <= step]
         return [name for name in owing if not self.missing(name)]
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
-from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point, RunError
+from stepbus_schemas import BaseState, Goal, Plan, Point, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.motion.fitting import all_fitted, fitted
 from stepbus_store.motion.follow import joint_path
@@ -31,7 +31,7 @@ from stepbus_store.motion.manipulator.planner_search import (
 from stepbus_store.motion.manipulator.routes import DetourRouter
 from stepbus_store.motion.outcome import Outcome, Refused
 from stepbus_store.motion.player import MotionPlayer, planned
-from stepbus_store.motion.trajectory import AlongPath, Rest, Trajectory
+from stepbus_store.motion.trajectory import Rest, Trajectory, along_path
 
 from .links import Links
 from .settling import JamWatch, SettleWatch
@@ -47,10 +47,10 @@ class Manipulator:
     """Carries out the goals of an arm, one at a time; it knows nothing of the bus.
 
     In every step, in this order: `advance` the clock where motions may be slowed down, `check` what
-    was measured, `take_plan`, `start`, publish `request()`, command `at(t)`.
+    was measured, `take_plan`, `start`, publish `queries.pop()`, command `at(t)`.
 
     limits: of the joints. router: finds motions to candidates; None: a planner does, which is
-    asked with `request()`. collisions: of the robot with itself when it stops; None: not checked.
+    asked with `queries`. collisions: of the robot with itself when it stops; None: not checked.
     Vectors are of shape (n,) [rad, rad/s, rad/s²].
     """
 
@@ -73,7 +73,7 @@ class Manipulator:
         self._options = options
         self._router = router
         self._player = MotionPlayer(robot, limits, options, collisions)
-        self._queries = PlannerQueries(options.plan_timeout)
+        self.queries = PlannerQueries(options.plan_timeout)
         self._jam = JamWatch(robot, options.jam_lag, options.period)
         self._settle: SettleWatch | None = None
         self._tip = options.tip
@@ -96,18 +96,18 @@ class Manipulator:
     def follows_plan(self) -> bool:
         """Return whether the arm is on a planner's path, which `replan` can replace."""
         is_under_way = self._player.clock.s < self._route_ends
-        return self._route is not None and self._queries.search is None and is_under_way
+        return self._route is not None and self.queries.search is None and is_under_way
 
     @property
     def blocked(self) -> str:
         """Return the planner's report of an obstacle on the path under way; empty: none."""
-        is_under_way = self._queries.search is None and self._player.late(self._player.clock.t) < 0
+        is_under_way = self.queries.search is None and self._player.late(self._player.clock.t) < 0
         return self._blocked if self._route is not None and is_under_way else ""
 
     def carry(self, load: float) -> None:
         """Move with a mass at the tip from the next goal on [kg]."""
-        if load != self._queries.load:
-            self._queries.load = load
+        if load != self.queries.load:
+            self.queries.load = load
             self._robot.carry(load, self._options.tip)
 
     def hold(self, q: Vector) -> None:
@@ -180,9 +180,7 @@ class Manipulator:
     @property
     def is_ready(self) -> bool:
         """Return whether a path waits for `release`, or none is needed."""
-        return self._ready is not None or (
-            self._settle is not None and self._queries.search is None
-        )
+        return self._ready is not None or (self._settle is not None and self.queries.search is None)
 
     def release(self) -> None:
         """Move along the path that is known, or as soon as it is."""
@@ -191,24 +189,11 @@ class Manipulator:
         if ready is not None:
             self._follow(*ready)
 
-    def next_request_id(self) -> int:
-        """Return the id of a request to the planner that is made elsewhere."""
-        return self._queries.next_id()
-
-    @property
-    def awaits_plan(self) -> bool:
-        """Return whether the planner has been asked, and has not answered yet."""
-        return self._queries.search is not None
-
-    def request(self) -> PlanRequest | None:
-        """Return the next request to the planner, once."""
-        return self._queries.pop()
-
     def take_plan(self, plan: Plan, t: float) -> None:
         """Follow a planner's answer, or record that its path is blocked; older ones are ignored."""
-        search = self._queries.answered(plan)
+        search = self.queries.answered(plan)
         if search is None:
-            if self._queries.search is None:
+            if self.queries.search is None:
                 self._block(plan)
             return
         try:
@@ -216,9 +201,9 @@ class Manipulator:
                 raise refusal_of(plan)
             parts = self._parts(plan, search)
         except Refused as exc:
-            self._fail(self._queries.try_next(search, exc, t))
+            self._fail(self.queries.try_next(search, exc, t))
             return
-        self._queries.cancel()
+        self.queries.cancel()
         if self._bases:
             self._ready = (parts, search)
         else:
@@ -248,7 +233,7 @@ class Manipulator:
         return self._fitted(parts, search.goal.duration)
 
     def _along(self, candidate: Candidate) -> list[Trajectory]:
-        return [AlongPath(path, self._options.tip_limits) for path in candidate.paths]
+        return [along_path(path, self._options.tip_limits) for path in candidate.paths]
 
     def _fitted(self, parts: list[Trajectory], duration: float) -> list[Trajectory]:
         share = self._options.effort_share
@@ -288,7 +273,7 @@ class Manipulator:
         """Stop as hard as the motors can, where a stop is under way that keeps what is held."""
         if not (self._keeps_held and self.is_moving):
             return
-        if self._route is not None and self._queries.search is not None:
+        if self._route is not None and self.queries.search is not None:
             self.replan(t, touches=True)
         else:
             self.stop(t, touches=True, keeps_route=True)
@@ -308,7 +293,7 @@ class Manipulator:
             float(self._limits.acceleration.min()),
             float(self._limits.jerk.min()),
         )
-        self._then([fitted(AlongPath(joint_path(points), slow), self._robot, self._limits)])
+        self._then([fitted(along_path(joint_path(points), slow), self._robot, self._limits)])
         # Slow by itself, and it leads away from what the robot has touched.
         self._player.ignores_scale = self._backs_off = True
         return length
@@ -330,7 +315,7 @@ class Manipulator:
 
     def check(self, q: Vector, v: Vector, t: float) -> Outcome | None:
         """Compare with what was measured; return how the goal ended, once it has."""
-        self._fail(self._queries.overdue(t))
+        self._fail(self.queries.overdue(t))
         if self._verdict is not None:
             verdict, self._verdict = self._verdict, None
             return verdict
@@ -385,12 +370,12 @@ class Manipulator:
 
     def _search(self, goal: Goal, held: str, rest: Vector, candidates: Iterator[Candidate]) -> str:
         t = self._player.clock.t
-        search = self._queries.make(goal, held, rest, candidates, t, bases=self._bases)
+        search = self.queries.make(goal, held, rest, candidates, t, bases=self._bases)
         candidate = search.candidate
         if candidate.is_at(rest) and not candidate.paths:
             self._then([Rest(rest)])
             return candidate.text or "the joints are there already"
-        self._queries.ask(search)
+        self.queries.ask(search)
         return f"{candidate.text}; asked the planner" if candidate.text else "asked the planner"
 
     def _fail(self, refusal: Refused | None) -> None:
@@ -400,7 +385,7 @@ class Manipulator:
     # The motion under way
 
     def _forget(self) -> None:
-        self._queries.cancel()
+        self.queries.cancel()
         self._settle, self._verdict = None, None
         self._blocked, self._route_ends, self.caution = "", 0.0, ""
         self._backs_off = False
@@ -408,7 +393,7 @@ class Manipulator:
 
     def _brake(self, now: JointMotion, *, hard: bool = False, touches: bool = False) -> Vector:
         self._backs_off = False
-        holds = self._queries.load > 0.0 and not touches
+        holds = self.queries.load > 0.0 and not touches
         self._keeps_held = hard and holds
         return self._player.brake(now, hard=hard, holds=holds)
 

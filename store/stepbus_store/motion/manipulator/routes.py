@@ -1,6 +1,5 @@
 """From candidates to a motion, without a planner."""
 
-import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
@@ -8,13 +7,11 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_store.cause import Cause
-from stepbus_store.motion.fitting import sampled
-from stepbus_store.motion.joint_motion import JointMotion, Motion, MotionLimits, motion_to
+from stepbus_store.motion.fitting import fitted, sampled
+from stepbus_store.motion.joint_motion import JointMotion, MotionLimits, motion_to
 from stepbus_store.motion.manipulator.candidates import Candidate
 from stepbus_store.motion.outcome import Refused
-
-_SLOWER = (1.0, 1.5, 2.5)
-"""Factors on the duration of a motion, tried where the motors are too weak for it."""
+from stepbus_store.motion.trajectory import Trajectory
 
 _DETOURS = 60
 """Random poses that are tried."""
@@ -44,7 +41,7 @@ class DetourRouter:
 
     def route(
         self, start: Vector, candidates: Iterable[Candidate], least_duration: float
-    ) -> tuple[Candidate, list[Motion]]:
+    ) -> tuple[Candidate, list[Trajectory]]:
         """Return the first candidate with a motion from start to it, shape (n,) [rad], and that.
 
         least_duration: of the motion [s]. Raises Refused where no candidate has one.
@@ -57,32 +54,23 @@ class DetourRouter:
 
     def plan(
         self, start: Vector, goal: Vector, least_duration: float = 0.0, *, holds: bool = True
-    ) -> list[Motion] | None:
+    ) -> list[Trajectory] | None:
         """Return motions to carry out one after the other; None: no path was found.
 
         start, goal: shape (n,) [rad]. least_duration: of all together [s]. holds: whether the
         motors must be strong enough all along.
         """
-        allowed = self._allowed(start, holds)
         for stops in self._paths(start, goal):
             share = least_duration / len(stops)
-            motions: list[Motion] = []
+            motions: list[Trajectory] = []
             for before, stop in pairwise([start, *stops]):
-                motion = self._segment(before, stop, share, allowed)
+                motion = self._segment(before, stop, share, holds=holds)
                 if motion is None:
                     break
                 motions.append(motion)
             else:
                 return motions
         return None
-
-    def _allowed(self, start: Vector, holds: bool) -> Vector:
-        """Return the largest torques of a motion, shape (n,) [N·m]."""
-        if not holds:
-            return np.full(len(start), math.inf)
-        # An arm that hangs in its motors' limits must be able to leave.
-        there = np.abs(self._robot.gravity_torque(start))
-        return np.maximum(self._share * self._robot.effort_limit, 1.02 * there)
 
     def _paths(self, start: Vector, goal: Vector) -> Iterator[list[Vector]]:
         yield [goal]
@@ -98,30 +86,16 @@ class DetourRouter:
         return self._collisions is not None and self._collisions.any(q)
 
     def _segment(
-        self, before: Vector, goal: Vector, least_duration: float, allowed: Vector
-    ) -> Motion | None:
+        self, start: Vector, goal: Vector, least_duration: float, *, holds: bool
+    ) -> Trajectory | None:
         """Return a motion that works, slower where the motors need it; None: there is none."""
-        start = JointMotion.at_rest(before)
-        states = _states(motion_to(start, goal, self._limits, least_duration))
-        static = [self._robot.gravity_torque(state.position) for state in states]
-        if any((np.abs(torque) > allowed).any() for torque in static):
+        motion = motion_to(JointMotion.at_rest(start), goal, self._limits, least_duration)
+        # At most 1000 states: enough for a full turn, however slow it is.
+        if any(self._touches(state.position) for state in sampled(motion, least=1, most=1000)):
             return None
-        if any(self._touches(state.position) for state in states):
+        if not holds:
+            return motion
+        try:
+            return fitted(motion, self._robot, self._limits, effort_share=self._share)
+        except Refused:
             return None
-        for factor in _SLOWER:
-            slower = motion_to(start, goal, self._limits.slowed(factor), least_duration)
-            if self._is_strong_enough(slower, allowed):
-                return slower
-        return None
-
-    def _is_strong_enough(self, motion: Motion, allowed: Vector) -> bool:
-        torques = (
-            self._robot.inverse_dynamics(state.position, state.velocity, state.acceleration)
-            for state in _states(motion)
-        )
-        return not any((np.abs(torque) > allowed).any() for torque in torques)
-
-
-def _states(motion: Motion) -> list[JointMotion]:
-    # At most 1000: enough for a full turn, however slow it is.
-    return sampled(motion, least=1, most=1000)

@@ -86,7 +86,7 @@ class MobileController(Participant):
         if self._ports.plan is not None:
             self._navigator = Navigator(
                 self._base,
-                self._arm.next_request_id,
+                self._arm.queries.next_id,
                 settings.arm.plan_timeout,
                 settings.avoidance.replans,
             )
@@ -176,11 +176,11 @@ class MobileController(Participant):
 
     def _request(self) -> PlanRequest | None:
         """Return the next request; the planner cancels the previous one when it comes."""
-        arm, navigator = self._arm, self._navigator
+        queries, navigator = self._arm.queries, self._navigator
         if navigator is None:
-            return arm.request()
-        request = None if navigator.awaits_route else arm.request()
-        return navigator.pop() if request is None and not arm.awaits_plan else request
+            return queries.pop()
+        request = None if navigator.awaits_route else queries.pop()
+        return navigator.pop() if request is None and queries.search is None else request
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the motion."""

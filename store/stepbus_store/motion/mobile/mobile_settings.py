@@ -7,7 +7,6 @@ from stepbus_participant import Config, Ports, Problems, suggest
 from stepbus_schemas import RunError
 from stepbus_store.motion.avoidance import AvoidanceSettings
 from stepbus_store.motion.back_to_rest import StowCondition
-from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import make_limits, make_robot
 from stepbus_store.motion.mobile.params import Params
@@ -47,11 +46,6 @@ _PLANNED_JERK = 0.9
 """Share of the jerk limit that a motion uses: slowed down near things, it has 1.1 times as much."""
 
 
-def planned(limits: MotionLimits) -> MotionLimits:
-    """Return the limits that motions are planned with."""
-    return replace(limits, jerk=_PLANNED_JERK * limits.jerk)
-
-
 class MobileSettings:
     """The ports, parameters, model and settings of a `MobileController`.
 
@@ -74,10 +68,18 @@ class MobileSettings:
                 ("srdf",), lambda: SelfCollisions(robot, srdf, margin)
             )
         problems.refuse()
-        self.limits = planned(
-            make_limits(params, robot, params.acceleration_limit, params.jerk_limit)
+        limits = make_limits(params, robot, params.acceleration_limit, params.jerk_limit)
+        self.limits = replace(limits, jerk=_PLANNED_JERK * limits.jerk)
+        self.arm = ManipulatorOptions(
+            period=config.every * config.step_ns * 1e-9,
+            tip=params.tip,
+            tip_velocity=params.tip_velocity,
+            tip_acceleration=params.tip_acceleration,
+            tip_jerk=params.tip_jerk,
+            tip_turning=params.tip_turning,
+            plan_timeout=params.plan_timeout,
+            jam_lag=params.arm_lag,
         )
-        self.arm = _arm(params, config)
         self.stow = StowCondition(
             robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
         )
@@ -87,19 +89,6 @@ class MobileSettings:
             replans=params.replans,
             range=params.contact_range,
         )
-
-
-def _arm(params: Params, config: Config) -> ManipulatorOptions:
-    return ManipulatorOptions(
-        period=config.every * config.step_ns * 1e-9,
-        tip=params.tip,
-        tip_velocity=params.tip_velocity,
-        tip_acceleration=params.tip_acceleration,
-        tip_jerk=params.tip_jerk,
-        tip_turning=params.tip_turning,
-        plan_timeout=params.plan_timeout,
-        jam_lag=params.arm_lag,
-    )
 
 
 def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSettings:

@@ -1,6 +1,5 @@
 """Goals: one at a time, each with the story of its states and the cause of its end."""
 
-import numpy as np
 import pytest
 from support.services.arm import JOINTS, Runner, write_arm
 
@@ -27,24 +26,6 @@ def test_a_goal_is_accepted_then_running_then_succeeds(robot):
     runner.carry_on(0.0)
     assert states(runner) == [(1, "accepted"), (1, "running"), (1, "succeeded")]
     assert runner.at(9.0).position == pytest.approx([1.0, -1.0, 0.5])
-
-
-def test_a_pose_is_gone_to_in_the_frame_it_is_given_in(robot):
-    runner, q = Runner(robot), np.array([0.9, -0.8, 1.1])
-    x, y, z = (
-        robot.frame_pose(np.array([0.5, 0, 0]), "link_0")
-        .actInv(robot.frame_pose(q, "hand"))
-        .translation
-    )
-    half = (q.sum() - 0.5) / 2
-    goal = Goal(id=2, type="move_to_pose", tip="hand", frame="link_0", position=(x, y, z),
-                orientation=(0.0, float(np.sin(half)), 0.0, float(np.cos(half))))  # fmt: skip
-    runner.start(goal, 0.0)
-    runner.carry_on(0.0)
-    assert states(runner)[-1] == (2, "succeeded")
-    assert robot.frame_pose(runner.at(9.0).position, "hand").isApprox(
-        robot.frame_pose(q, "hand"), 1e-4
-    )
 
 
 def test_a_motion_that_ruckig_has_no_words_for_is_refused(robot):
@@ -80,29 +61,6 @@ def test_motors_that_do_not_follow_fail_the_goal_with_joint_and_error(robot):
     assert (last.state, last.cause) == ("failed", "not_settled")
     assert "three is 57.296° off" in last.text
     assert runner.at(9.0).position == pytest.approx([0.5, 0.5, 0.5])
-
-
-@pytest.mark.parametrize(
-    ("goal", "text"),
-    [
-        (joints(1, 0.0, 0.0), "2 values for 3 joints"),
-        (joints(1, 0.0, 3.0, 0.0), "two cannot go to 3 rad, its limits are [-2.5, 2.5]"),
-        (joints(1, 0.0, float("nan"), 0.0), "two cannot go to nan rad"),
-        (joints(1, 0.0, 0.0, 0.0, duration=-1.0), "duration is -1 s"),
-        (Goal(id=1, type="move_joints", joints=["tow"], values=[0.0]), "did you mean 'two'"),
-        (Goal(id=1, type="move_to_pose", tip="hand"), "needs position and orientation"),
-        (Goal(id=1, type="move_to_pose", tip="base", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "moves tip 'base'"),
-        (Goal(id=1, type="move_to_pose", tip="hand", position=(0, 0, 0), orientation=(0, 0, 0, 2)), "has length 2, not 1"),
-        (Goal(id=1, type="move_to_pose", tip="hand", frame="tabel", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "frame 'tabel'"),
-    ],
-)  # fmt: skip
-def test_a_goal_that_makes_no_sense_fails_and_says_why(robot, goal, text):
-    runner = Runner(robot)
-    runner.start(goal, 0.0)
-    (news,) = runner.statuses()
-    assert (news.state, news.cause) == ("failed", "invalid")
-    assert text in news.text
-    assert runner.at(1.0).position == pytest.approx([0.5, 0.5, 0.5])
 
 
 def test_a_pose_that_cannot_be_held_is_refused_or_tried_as_one_likes(tmp_path):

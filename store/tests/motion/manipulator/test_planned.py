@@ -116,7 +116,7 @@ def test_a_planner_that_does_not_answer_ends_the_goal(robot):
 def test_an_answer_to_an_older_request_is_ignored(robot):
     stage = Stage(planned_arm(robot))
     stage.start(joints_goal())
-    old = stage.arm.request()
+    old = stage.arm.queries.pop()
     stage.start(joints_goal(HOME + 0.1))
     stage.arm.take_plan(good_planner(robot)(old), stage.t)
     log = Log()

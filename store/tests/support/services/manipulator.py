@@ -68,8 +68,7 @@ def pose_goal(kind: str, position: Any, rotation: Any = DOWN.rotation, **fields:
         id=0,
         type=kind,  # type: ignore[arg-type]
         position=tuple(float(x) for x in position),  # type: ignore[arg-type]
-        orientation=(turn.x, turn.y, turn.z, turn.w),
-        **{"tip": "tool0", **fields},
+        **{"tip": "tool0", "orientation": (turn.x, turn.y, turn.z, turn.w), **fields},
     )
 
 
@@ -116,7 +115,7 @@ class Stage:
             self.arm.take_plan(self._plan, self.t)
             self._plan = None
         log.outcome = self.arm.check(self.q, self.v, self.t)
-        request = self.arm.request()
+        request = self.arm.queries.pop()
         if request is not None:
             self.requests.append(request)
             self._plan = self._answer(request) if self._answer else None

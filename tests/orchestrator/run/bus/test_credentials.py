@@ -45,7 +45,7 @@ def test_without_credentials_there_is_no_link(tmp_path, own_temp, reference, tra
     def act(stranger, _token):
         with without_credentials(links_of(own_temp)) as session:
             session.declare_subscriber("**", heard.append, allowed_origin=zenoh.Locality.REMOTE)
-            run = stranger.run
+            run = stranger.key
             for key in ("trigger", "stop", "out/plant", "log/plant", "fault/plant"):
                 session.put(f"stepbus/{run}/{key}", b"\x80")
             peers.extend(session.info.peers_zid())

@@ -89,29 +89,6 @@ def test_a_run_that_is_paused_and_stepped_has_the_same_recording(tmp_path, windo
     assert (result.exit_code, result.sha256) == (0, plain.sha256)
 
 
-class Wait(Observer):
-    """Lets a paused run go on after longer than any deadline."""
-
-    def __init__(self, pace):
-        self.pace = pace
-        self.since = None
-
-    def progress(self, progress):
-        if progress.phase == "paused":
-            self.since = self.since or time.monotonic()
-            if time.monotonic() - self.since > 11.0:
-                self.pace.resume()
-
-
-@pytest.mark.slow
-def test_nobody_is_late_while_a_run_is_paused(tmp_path):
-    deadlines = [f"{name}.step_timeout=10s" for name in ("plant", "controller", "mission")]
-    pace = Pace(30)
-    scenario = load(write_scenario(tmp_path / "source"), deadlines)
-    result = run(scenario, Options(out=tmp_path / "out", extensions=[pace]), Wait(pace))
-    assert (result.exit_code, result.steps) == (0, 100)
-
-
 @pytest.mark.slow
 def test_a_debugged_participant_has_no_deadline(tmp_path, monkeypatch):
     slow = [fault("controller", "nap", 7), "controller.step_timeout=500ms"]

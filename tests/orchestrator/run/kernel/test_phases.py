@@ -1,10 +1,12 @@
 """A run, phase by phase, as text: who is recorded when, and what follows what."""
 
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import pytest
+from msgspec import structs
 from support.runs.kernel import MISSION, PLANT, RunInMemory, participant, scenario
 from support.surroundings import comes_true
 
@@ -88,12 +90,13 @@ def test_an_interrupt_ends_the_run_at_its_next_turn():
     assert run.phases[-1] == "shutdown"
 
 
-def test_a_paused_run_releases_no_step_beyond_the_pause():
-    pace = Pace(3)
-    run = RunInMemory(scenario(MISSION, steps=8, window=4), extensions=[pace])
+def test_a_paused_run_releases_no_step_beyond_the_pause_and_makes_nobody_late():
+    pace, hurried = Pace(3), structs.replace(MISSION, step_timeout_ns=10**8)
+    run = RunInMemory(scenario(hurried, steps=8, window=4), extensions=[pace])
 
     def resume():
         assert comes_true(lambda: "mission@0" in run.sink.text)
+        time.sleep(0.5)
         pace.resume()
 
     with ThreadPoolExecutor() as pool:

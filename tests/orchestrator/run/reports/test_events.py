@@ -1,17 +1,14 @@
 """Events of participants: shown in the order of the recording, and warnings counted."""
 
-from stepbus_orchestrator.run.reports import Events
+from stepbus_orchestrator.run.reports import Events, Observer
 from stepbus_schemas import Event
 
 
-class Watcher:
+class Watcher(Observer):
     """Keeps what it is told."""
 
     def __init__(self):
         self.lines = []
-
-    def progress(self, progress):
-        pass
 
     def event(self, level, who, step, text):
         self.lines.append(f"{level} {who}@{step} {text}")

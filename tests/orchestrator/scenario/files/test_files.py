@@ -58,22 +58,20 @@ def test_a_file_in_another_folder_is_recorded_alone(tmp_path):
     assert names(tmp_path / "inner", text) == ["../models/urdf/arm.urdf"]
 
 
-def test_an_absolute_path_out_of_the_folder_is_to_be_written_relative(tmp_path):
-    path = write(tmp_path, "", "outside.csv")
-    problem = problem_of(tmp_path / "inner", with_params(f"path: {path}"))
+@pytest.mark.parametrize(
+    ("file", "given", "better"),
+    [
+        ("outside.csv", "{folder}/outside.csv", "../outside.csv"),
+        ("inner/own.csv", "../inner/own.csv", "own.csv"),
+        ("inner/own.csv", "{folder}/inner/own.csv", "own.csv"),
+    ],
+)
+def test_a_path_that_a_copy_does_not_have_is_to_be_written_otherwise(tmp_path, file, given, better):
+    write(tmp_path, "", file)
+    given = given.format(folder=tmp_path)
+    problem = problem_of(tmp_path / "inner", with_params(f"path: {given}"))
     assert problem.startswith("scenario.yaml:14: ")
-    assert f"write '{path}' as '../outside.csv'" in problem
-
-
-def test_a_name_by_way_of_the_scenarios_own_folder_is_to_be_written_without_it(tmp_path):
-    write(tmp_path, "", "inner/own.csv")
-    problem = problem_of(tmp_path / "inner", with_params("path: ../inner/own.csv"))
-    assert "write '../inner/own.csv' as 'own.csv'" in problem
-
-
-def test_an_absolute_path_into_the_folder_is_to_be_written_relative(tmp_path):
-    path = write(tmp_path, "", "own.csv")
-    assert f"write '{path}' as 'own.csv'" in problem_of(tmp_path, with_params(f"path: {path}"))
+    assert f"write '{given}' as '{better}'" in problem
 
 
 def test_what_cannot_be_a_file_name_is_none(tmp_path):

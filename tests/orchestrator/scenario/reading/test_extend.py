@@ -17,21 +17,13 @@ def on_top(folder, text):
     return load(write(folder, f"extends: scenario.yaml\n{text}", "top.yaml"))
 
 
-def test_maps_are_merged(base):
-    scenario = on_top(base, "participants: {controller: {params: {kp: 60, ki: 0.02}}}")
-    assert scenario.participant("controller").params == {"law": "pd", "kp": 60, "ki": 0.02}
-    assert scenario.steps == 2000
-
-
-def test_lists_are_replaced(base):
-    scenario = on_top(base, "participants: {plant: {exec: [python, -c, '1']}}")
+def test_maps_are_merged_lists_replaced_and_null_removes(base):
+    rows = "controller: {params: {kp: null, ki: 0.02}}, plant: {exec: [python, -c, '1']}"
+    scenario = on_top(base, f"duration: null\nparticipants: {{{rows}}}")
+    assert scenario.participant("controller").params == {"law": "pd", "ki": 0.02}
+    assert scenario.participant("controller").outputs
     assert scenario.participant("plant").exec == ("python", "-c", "1")
-
-
-def test_null_removes_what_would_be_inherited(base):
-    scenario = on_top(base, "duration: null\nparticipants: {controller: {params: {kp: null}}}")
-    assert scenario.steps is None
-    assert scenario.participant("controller").params == {"law": "pd"}
+    assert (scenario.steps, scenario.step_ns) == (None, 5_000_000)
 
 
 def test_bases_may_have_bases(base):

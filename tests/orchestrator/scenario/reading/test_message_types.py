@@ -136,18 +136,17 @@ def test_an_unknown_type_names_its_other_versions(tmp_path):
     assert found.endswith("type 'Thruster/2'; did you mean 'Thruster/1'?")
 
 
-def test_a_safe_message_is_checked_against_its_type(tmp_path):
-    (found,) = problems(tmp_path, "types.yaml", safe="{thrust: 3}")
-    assert "thrust: Expected `array`, got `int`" in found
+MODES = "types: {Thruster/1: {mode: [idle, full]}}"
 
 
-def test_a_field_of_a_safe_message_that_its_type_does_not_have_is_refused(tmp_path):
-    (found,) = problems(tmp_path, "types.yaml", safe="{thrust: [3], trust: [3]}")
-    assert found.endswith("field 'trust'; did you mean 'thrust'?")
-
-
-def test_a_wrong_word_of_a_safe_message_lists_the_right_ones(tmp_path):
-    types = "types: {Thruster/1: {mode: [idle, full]}}"
-    (found,) = problems(tmp_path, "types.yaml", safe="{mode: ful}", file=types)
-    assert "mode: must be" in found
-    assert found.endswith("idle, not 'ful'; did you mean 'full'?")
+@pytest.mark.parametrize(
+    ("safe", "file", "sentence"),
+    [
+        ("{thrust: 3}", FILE, "thrust: Expected `array`, got `int`"),
+        ("{thrust: [3], trust: [3]}", FILE, "field 'trust'; did you mean 'thrust'?"),
+        ("{mode: ful}", MODES, "idle, not 'ful'; did you mean 'full'?"),
+    ],
+)
+def test_a_safe_message_is_checked_against_its_type(tmp_path, safe, file, sentence):
+    (found,) = problems(tmp_path, "types.yaml", safe=safe, file=file)
+    assert sentence in found

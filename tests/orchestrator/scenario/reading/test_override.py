@@ -12,52 +12,31 @@ def params(scenario):
     return scenario.participant("controller").params
 
 
-@pytest.mark.parametrize("path", ["controller.params.kp", "participants.controller.params.kp"])
-def test_a_setting_replaces_one_value(tmp_path, path):
-    scenario = load_text(tmp_path, TWO_LINK, f"{path}=80")
-    assert params(scenario) == {"law": "pd", "kp": 80}
+@pytest.mark.parametrize(
+    ("settings", "kp"),
+    [
+        (["controller.params.kp=80"], 80),
+        (["participants.controller.params.kp=80"], 80),
+        (["controller.params.kp=1", "controller.params.kp=2"], 2),
+        (["controller.params.kp=[1e-3, {a: b=c}, '5']"], [0.001, {"a": "b=c"}, "5"]),
+        (["controller.params.kp=[1, 2]", "controller.params.kp.1=3"], [1, 3]),
+        (["controller.params.kp=null"], None),
+    ],
+)
+def test_a_setting_replaces_one_value_by_yaml(tmp_path, settings, kp):
+    expected = {"law": "pd"} if kp is None else {"law": "pd", "kp": kp}
+    assert params(load_text(tmp_path, TWO_LINK, *settings)) == expected
 
 
-def test_a_setting_of_the_scenario_itself(tmp_path):
-    assert load_text(tmp_path, TWO_LINK, "duration=2s").steps == 400
-
-
-def test_a_map_that_may_be_left_out_need_not_be_there(tmp_path):
-    scenario = load_text(tmp_path, TWO_LINK, "bus.transport=tcp", "plant.params.noise.position=0.1")
-    assert scenario.bus.transport == "tcp"
-    assert scenario.participant("plant").params == {"noise": {"position": 0.1}}
-
-
-def test_the_later_of_two_settings_holds(tmp_path):
-    assert (
-        params(load_text(tmp_path, TWO_LINK, "controller.params.kp=1", "controller.params.kp=2"))[
-            "kp"
-        ]
-        == 2
-    )
-
-
-def test_a_value_is_yaml(tmp_path):
-    scenario = load_text(tmp_path, TWO_LINK, "controller.params.kp=[1e-3, {a: b=c}, '5']")
-    assert params(scenario)["kp"] == [0.001, {"a": "b=c"}, "5"]
-
-
-def test_null_removes_a_key(tmp_path):
-    scenario = load_text(tmp_path, TWO_LINK, "controller.params.kp=null", "duration=null")
-    assert params(scenario) == {"law": "pd"}
-    assert scenario.steps is None
-
-
-def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
+def test_settings_of_the_scenario_itself_of_lists_and_of_maps_that_may_be_left_out(tmp_path):
     scenario = load_text(
-        tmp_path,
-        TWO_LINK,
-        "plant.exec.2=exit",
-        "controller.params.kp=[1, 2]",
-        "controller.params.kp.1=3",
-    )
+        tmp_path, TWO_LINK, "duration=2s", "bus.transport=tcp", "plant.exec.2=exit",
+        "plant.params.noise.position=0.1",
+    )  # fmt: skip
+    assert (scenario.steps, scenario.bus.transport) == (400, "tcp")
     assert scenario.participant("plant").exec == ("python", "-c", "exit")
-    assert params(scenario)["kp"] == [1, 3]
+    assert scenario.participant("plant").params == {"noise": {"position": 0.1}}
+    assert load_text(tmp_path, TWO_LINK, "duration=null").steps is None
 
 
 @pytest.mark.parametrize(

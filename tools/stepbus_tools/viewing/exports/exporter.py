@@ -8,6 +8,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+from rich.progress import Progress as Bar
+
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_participant import suggest
@@ -42,7 +45,7 @@ def export(
     progress: Progress = lambda _form, _last_step: nullcontext(lambda _step: None),
     **options: Any,
 ) -> Iterator[tuple[str, Exported]]:
-    """Write a recording in several forms, and yield each with what was written.
+    """Write a recording in several forms; yield each form with its result.
 
     targets: form, such as `parquet`, → path. options: of the exporters. Raises RecordingFailed when
     there is nothing to export or a file cannot be written, WiringError for a form that no package
@@ -60,20 +63,20 @@ def export(
 
 
 def damage_line(recording: Recording) -> str:
-    """Return why an export of a recording ends before its run; empty for a whole one."""
+    """Return why an export ends before its run, as a sentence; empty for a whole recording."""
     if not recording.cut_short:
         return ""
     return f"{recording.path} {recording.cut_short}; exported up to step {recording.last_step}"
 
 
 def check_readable(recording: Recording) -> None:
-    """Raise RecordingFailed when nothing of a recording can be shown: it is of something else."""
+    """Raise RecordingFailed for a recording without a readable message."""
     if not any(p.type in recording.types and p.last_step >= 0 for p in recording.ports.values()):
         raise nothing_to_export(recording, "shown")
 
 
 def nothing_to_export(recording: Recording, done: str = "exported") -> RecordingFailed:
-    """Return why nothing of a recording can be exported: it is empty, damaged or foreign."""
+    """Return the error for a recording without a readable message: empty, damaged or foreign."""
     unknown = sorted({p.type for p in recording.ports.values() if p.type not in recording.types})
     unknown = [name for name in unknown if name not in ENVELOPE_TYPES]
     why = f": it {recording.cut_short}" if recording.cut_short else ""
@@ -90,10 +93,6 @@ def progress_bar(what: str, last_step: int) -> Iterator[Reached]:
     if not sys.stderr.isatty():
         yield lambda _step: None
         return
-    # It takes a tenth of a second to load.
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import Progress as Bar  # noqa: PLC0415
-
     with Bar(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=max(1, last_step))
         yield lambda step: bar.update(task, completed=step)
@@ -143,7 +142,7 @@ def thinned(
     lost: dict[str, str],
     reached: Reached,
 ) -> Iterator[tuple[int, Messages, list[Instant]]]:
-    """Yield each time [ns], what places the scene where it has moved, and the messages at it.
+    """Yield (time [ns], newest messages of the scene if it has moved, messages at that time).
 
     At most 30 poses of the scene, and messages of each topic, in a second; events are all there.
     lost: as of `instants`.

@@ -45,7 +45,7 @@ def write(recording: Recording, target: Path, reached: Reached) -> Exported:
 
 @contextmanager
 def _opened(path: Path, target: Path) -> Iterator[Any]:
-    """Open a file, and yield what writes a message of a topic at a time [ns] into it.
+    """Open a file; yield a function that logs (topic, message, time [ns]) to it.
 
     The library says at its end whether it could be written.
     """
@@ -87,7 +87,7 @@ class _Conversion:
         self._parents = {frame.name: frame.parent for frame in self._frames}
 
     def take(self, port: PortInfo, message: Message, t_ns: int) -> None:
-        """Convert a message; one of another type becomes nothing."""
+        """Convert a message; messages of other types are left out."""
         match message:
             case JointState() | JointReference():
                 self._emit(f"/{port.topic}", self._joints(port, message, t_ns), t_ns)

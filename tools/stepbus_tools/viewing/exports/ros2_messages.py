@@ -49,12 +49,12 @@ def stamp(t_ns: int) -> Fields:
 
 
 def header(t_ns: int, frame: str) -> Fields:
-    """Return the header of what is in a frame at a time [ns]."""
+    """Return a header of a frame at a time [ns]."""
     return {"stamp": stamp(t_ns), "frame_id": frame}
 
 
 def _measured_by(tree: FrameTree, instant: Instant) -> Fields:
-    """Return the header of what a sensor measures, with the time when it has done so."""
+    """Return the header of a measurement, stamped with the time of the exposure."""
     latency = instant.port.description.details.get("latency")
     measured_ns = instant.t_ns - (parse_duration(latency[0]) if latency else 0)
     return header(measured_ns, tree.sensor_frame(instant.port))
@@ -165,7 +165,7 @@ def _scan(tree: FrameTree, instant: Instant) -> Fields:
 
 
 def _twist(_: FrameTree, instant: Instant) -> Fields | None:
-    """Return a command of a base; None for one to its wheels."""
+    """Return a base command as Twist fields; None for a command to the wheels."""
     command: Any = instant.message
     if command.wheels is not None:
         return None
@@ -270,12 +270,12 @@ def _log(_: FrameTree, instant: Instant) -> Fields:
 
 
 def _data(field: str) -> Callable[[FrameTree, Instant], Fields]:
-    """Return what makes a message of one field of another."""
+    """Return a converter that copies one field as `data`."""
     return lambda _, instant: {"data": getattr(instant.message, field)}
 
 
 def markers(scene: Scene, tree: FrameTree) -> Fields:
-    """Return what the scene looks like, each body in its frame: no program needs its mesh files."""
+    """Return the triangles of each body in its frame, as MarkerArray fields."""
     rows: list[Fields] = []
     for frame in scene.frames:
         for visual in () if frame.is_ghost else frame.visuals:
@@ -338,4 +338,4 @@ CONVERTED: Mapping[str, Sequence[Row]] = {
     "Transforms/1": [Row("{}", "tf2_msgs/msg/TFMessage", _placed)],
     "Wrench/1": [Row("{}", "geometry_msgs/msg/WrenchStamped", _wrench)],
 }
-"""Type → what becomes of its messages."""
+"""Message type → the ROS 2 messages that it becomes."""

@@ -93,7 +93,7 @@ def _write(form: str, recording: Recording, target: Path, reached: Reached) -> E
 
 
 def _wide(table: Table) -> list[Column]:
-    """Return the columns of a port's file; their names differ, whatever its fields are called."""
+    """Return the columns of a port's file, with distinct names."""
     columns = [*CLOCK, *table.columns]
     names = distinct([column.name for column in columns])
     return [replace(column, name=name) for column, name in zip(columns, names, strict=True)]
@@ -114,16 +114,13 @@ def _long(table: Table, values: Sequence[Cells]) -> Iterator[Sequence[Cells]]:
         texts: Cells = [None] * count
         if column.type in NUMBERS:
             numbers = [None if cell is None else float(cell) for cell in cells]
-            texts = [_digits(cell) for cell in cells]
+            # Integers that no double holds.
+            is_cut = (isinstance(c, int | np.integer) and float(c) != int(c) for c in cells)
+            texts = [str(c) if cut else None for c, cut in zip(cells, is_cut, strict=True)]
         else:
             texts = [_text(cell) for cell in cells]
         name = f"{table.name}.{column.name}"
         yield steps, t, [name] * count, [column.unit] * count, numbers, texts
-
-
-def _digits(cell: Any) -> str | None:
-    """Return an integer that no double holds."""
-    return str(cell) if isinstance(cell, int | np.integer) and float(cell) != int(cell) else None
 
 
 def _text(cell: Any) -> str | None:

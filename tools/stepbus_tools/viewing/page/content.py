@@ -1,4 +1,4 @@
-"""What a page shows of one run."""
+"""The content of a report of one run."""
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -170,7 +170,7 @@ class RunPage:
 
     @property
     def marks(self) -> list[Mark]:
-        """Return what all charts show of its events: all of few, the serious ones of many."""
+        """Return the events that all charts mark: all events if they are few, else the serious."""
         is_short = len(self.events) <= _FEW_EVENTS
         return [one for one in self.events if is_short or one.level != "info"]
 
@@ -184,7 +184,7 @@ class RunPage:
 
 
 def _readers(recording: Recording) -> tuple[list[PortReader], list[str]]:
-    """Return what reads the ports that are no joint's, and why some ports are not shown."""
+    """Return readers of all ports except joints, and why some ports are not shown."""
     tables, lost = readable(recording)
     readers: list[PortReader] = []
     for table in tables:

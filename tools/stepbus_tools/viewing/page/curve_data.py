@@ -34,7 +34,7 @@ class Curves:
         self.end_s = max(last, _PAST * marked if _PAST * marked > last else 0.0)
 
     def data(self) -> Mapping[str, Any]:
-        """Return what the script draws."""
+        """Return the data of the page's script, as JSON-compatible values."""
         arrays = _Arrays()
         return {
             "groups": [
@@ -53,12 +53,12 @@ class Curves:
         }
 
     def html(self) -> str:
-        """Return what the script puts all groups of curves behind; nothing without any."""
+        """Return the toolbar above the curves, as HTML; empty without curves."""
         return _BAR.read_text("utf-8") if self.groups else ""
 
 
 def _said(chart: Chart) -> str:
-    """Return what a chart comes to in some words."""
+    """Return the summary of a chart: its largest value, or the share of its limit."""
     if chart.used is not None:
         share = f"{100 * chart.used:.0f}" if chart.used >= 0.01 or not chart.used else "< 1"
         return f"{share} % of limit used"

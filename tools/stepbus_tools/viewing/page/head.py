@@ -1,4 +1,4 @@
-"""What a page says of its runs first: verdict, failure, figures, and how several differ."""
+"""The head of a report: verdict, failure, figures, and the comparison of several runs."""
 
 import os
 import re
@@ -30,21 +30,18 @@ def head(run: RunPage) -> str:
     verdict = result.outcome if result else "unknown"
     shown = "".join(f'<p class="problem">{escape(text)}</p>' for text in problems)
     lines = "".join(f"<li>{escape(line)}</li>" for line in run.lines)
+    # Such as a mission's table: the last text of several lines of each source.
+    long = {one.source: one.text for one in run.events if "\n" in one.text}
+    last = "".join(f"<pre tabindex=0>{escape(text)}</pre>" for text in long.values())
     figures_shown = "" if run.label else f'<dl class="figures">{_cells(figures(run))}</dl>'
     return (
         f'<header class="{escape(verdict)}"><h1>{name} '
         f'<span class="verdict {escape(verdict)}">{escape(verdict)}</span></h1>'
         f"{_why(run)}{shown}{figures_shown}{f'<ul>{lines}</ul>' if lines else ''}"
-        f"{_last_words(run)}"
+        f"{last}"
         f"<details><summary>More about this run</summary><dl>{_cells(_facts(run))}</dl></details>"
         "</header>"
     )
-
-
-def _last_words(run: RunPage) -> str:
-    """Return the last text of several lines of each source, such as a mission's table."""
-    last = {one.source: one.text for one in run.events if "\n" in one.text}
-    return "".join(f"<pre tabindex=0>{escape(text)}</pre>" for text in last.values())
 
 
 def _why(run: RunPage) -> str:
@@ -66,7 +63,7 @@ def _cells(rows: Iterator[tuple[str, str]]) -> str:
 
 
 def figures(run: RunPage) -> Iterator[tuple[str, str]]:
-    """Yield the figures that matter: name and text. Among several runs they are in one table."""
+    """Yield (name, text) of each figure. Several runs have them in one table."""
     result = run.result
     if result is None:
         yield "last step", str(run.last_step)
@@ -157,7 +154,7 @@ _ADVICE = {
 
 
 def failure_html(run: RunPage, result: Result) -> str:
-    """Return where and why a run failed, and what to do next."""
+    """Return place and reason of a failure and the next steps, as HTML."""
     code = ExitCode(result.exit_code)
     place = f"step {result.at_step}, t = {result.at_step * result.step_ns * 1e-9:.3f} s"
     blamed = f"{result.participant} failed" if result.participant else "It failed"

@@ -55,13 +55,13 @@ class Signal:
     limits: Sequence[tuple[float, float]] = ()
 
     def values(self, message: Message) -> list[float]:
-        """Return its numbers in a message; NaN for what is absent."""
+        """Return its numbers in a message; NaN where absent."""
         values = _numbers(getattr(message, self.field, None))[: len(self.names)]
         return values + [math.nan] * (len(self.names) - len(values))
 
     @property
     def key(self) -> tuple[str, str]:
-        """Return what tells it from all others."""
+        """Return (topic, field), which identifies the signal."""
         return self.topic, self.field
 
     @property
@@ -71,7 +71,7 @@ class Signal:
 
 
 def signals(ports: Ports, messages: Messages) -> list[Signal]:
-    """Return what the newest messages of some ports have numbers of."""
+    """Return the signals of messages: all fields with numbers."""
     rows = []
     for topic, latest in messages.items():
         port = ports[topic]
@@ -128,7 +128,7 @@ class Curves:
             self._hint = gui.add_markdown("choose signals below", order=_LAST - 1)
 
     def offer(self, offered: Sequence[Signal]) -> None:
-        """Offer signals to choose from; the first one is chosen where none is yet."""
+        """Offer signals to choose from; the first is chosen if there was none."""
         for signal in offered:
             if signal.label not in self._signals:
                 is_first = not self._signals
@@ -297,7 +297,7 @@ def _rows(
 
 
 def time_span(times: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the first and the last time of a chart; before now, it is one of a few sizes."""
+    """Return the ends of a time axis [s]; before now, it has one of a few lengths."""
     first, last = float(times[0]), float(times[-1])
     if last > 0:
         return first, last

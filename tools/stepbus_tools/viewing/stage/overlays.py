@@ -54,7 +54,7 @@ Past = Callable[[int], Messages]
 
 
 class Overlays:
-    """Draws what messages of some types say beside the frames, when they change."""
+    """Draws contacts, detections and planned paths when they change."""
 
     def __init__(self, server: Any, stage: Stage, ports: Ports) -> None:
         self._server = server

@@ -1,4 +1,4 @@
-"""The server behind a page: on loopback, behind a door that asks for a secret, with our look."""
+"""The server behind a page: on loopback, for requests with its token, with our look."""
 
 import asyncio
 import contextlib
@@ -14,7 +14,14 @@ from urllib.parse import quote
 
 from stepbus_participant import need
 from stepbus_tools.look import MARK, style_sheet
-from stepbus_tools.viewing.access import LOOPBACK, Door, Process, listening
+from stepbus_tools.viewing.access import (
+    LOOPBACK,
+    Process,
+    address_of,
+    listening,
+    new_token,
+    only_with,
+)
 
 _TITLE = "<title>Viser</title>"
 _ICON = re.compile(r'<link\s+rel="icon".*?/>', re.DOTALL)
@@ -29,7 +36,7 @@ def branded(page: str, title: str) -> str:
 
 
 def with_front(process: Process, title: str) -> Process:
-    """Return what answers as viser's server does, but with our title, style and script."""
+    """Return viser's request handler with our title, style and script in its page."""
 
     @cache
     def front(body: bytes) -> bytes:
@@ -80,27 +87,26 @@ def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
         def request_share_url(self, verbose: bool = True) -> str | None:
             """Refuse the tunnel to the internet that any browser may ask viser for."""
 
-    door = Door(host)
+    token = new_token()
     # viser takes the next port when one is taken, and does not say what is wrong with a host.
     listening(host, port).close()
     # It waits for ever for a thread of its own that finds no free file descriptor.
     asyncio.new_event_loop().close()
     # It prints a box.
-    with _guarded(door, label), contextlib.redirect_stdout(io.StringIO()):
+    with _guarded(token, label), contextlib.redirect_stdout(io.StringIO()):
         server = Server(host=host, port=port, verbose=False)
-    door.port = server.get_port()
     server.gui.configure_theme(
         control_width="large",
         show_logo=False,
         show_share_button=False,
     )
     server.gui.set_panel_label(label)
-    return Page(server=server, address=door.address)
+    return Page(server=server, address=address_of(host, server.get_port(), token))
 
 
 @contextlib.contextmanager
-def _guarded(door: Door, title: str) -> Iterator[None]:
-    """Make a server that starts now refuse requests that do not come through the door.
+def _guarded(token: str, title: str) -> Iterator[None]:
+    """Make a server that starts now refuse requests without the token.
 
     viser 1.1 has no option, hook or base class for that: it makes its own server, on a port that
     every user of the machine can connect to, so that no server of ours in front of it would help.
@@ -112,7 +118,7 @@ def _guarded(door: Door, title: str) -> Iterator[None]:
 
     def guarded(*args: Any, process_request: Process, **named: Any) -> Any:
         fronted = with_front(process_request, title)
-        return serve(*args, process_request=door.guard(fronted), **named)
+        return serve(*args, process_request=only_with(token, fronted), **named)
 
     websockets.serve = guarded  # type: ignore[assignment,misc]  # for as long as it starts
     try:

@@ -51,22 +51,18 @@ def add_light(scene: Any) -> None:
 @lru_cache(maxsize=1024)
 def drawn(color: Color) -> Color:
     """Return the colour that a surface needs to look as `color` where light falls on it."""
-    wanted = np.clip(_OUT @ _linear(np.array(color) / 255), 0.0, _BRIGHTEST)
+    values = np.array(color) / 255
+    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    wanted = np.clip(_OUT @ linear, 0.0, _BRIGHTEST)
     # The fit is a quotient of two parabolas.
     a = 1.0 - wanted * 0.983729
     b = 0.0245786 - wanted * 0.4329510
     c = -0.000090537 - wanted * 0.238081
     before = (-b + np.sqrt(b * b - 4 * a * c)) / (2 * a)
-    red, green, blue = np.rint(255 * _encoded(np.clip(_IN @ before / _EXPOSURE / _LIT, 0.0, 1.0)))
+    shown = np.clip(_IN @ before / _EXPOSURE / _LIT, 0.0, 1.0)
+    encoded = np.where(shown <= 0.0031308, shown * 12.92, 1.055 * shown ** (1 / 2.4) - 0.055)
+    red, green, blue = np.rint(255 * encoded)
     return int(red), int(green), int(blue)
-
-
-def _linear(values: Any) -> Any:
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-
-
-def _encoded(values: Any) -> Any:
-    return np.where(values <= 0.0031308, values * 12.92, 1.055 * values ** (1 / 2.4) - 0.055)
 
 
 OTHER_COLOR: Color = rgb(LINES[3])
@@ -194,7 +190,7 @@ class Ghosts:
         return bool(self._meshes)
 
     def show(self, *, visible: bool) -> None:
-        """Show those that differ from what is measured, or none."""
+        """Show or hide the ghost meshes (reference poses)."""
         self._visible = visible
         for name in self._meshes:
             self._apply(name)
@@ -300,7 +296,7 @@ class _Camera:
 
 
 def free_part(width: int, height: int) -> Part:
-    """Return what the controls leave free of a page."""
+    """Return the part of a page beside the controls."""
     if width < height:
         return (-_MARGIN, _MARGIN), (2 * _COVERED - 1 + (1 - _MARGIN), _MARGIN)
     right = max(0.0, 1 - 2 * _PANEL_PX / max(1, width))

@@ -1,15 +1,12 @@
-"""What a page of a recording and one of a live run have in common."""
+"""The common part of the pages of a recording and of a live run."""
 
-import contextlib
 import html
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.recording import Recording, layout
-from stepbus_orchestrator.run.result import Result, result_beside
-from stepbus_schemas import BaseState, Detections, EmergencyStop, GripperState, StepbusError
+from stepbus_orchestrator.run.result import Result
+from stepbus_schemas import BaseState, Detections, EmergencyStop, GripperState
 from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.scene import Messages, Scene
@@ -77,7 +74,7 @@ class View:
             gui.add_html(f'<ul class="lines">{rows}</ul>')
 
     def show(self, messages: Messages, past: Past | None = None) -> None:
-        """Show what messages say: of each port the newest one. past: as of `Overlays.show`."""
+        """Show the newest message of each port. past: as of `Overlays.show`."""
         with self._server.atomic():
             self.stage.move(self.stage.scene.poses(messages))
             self._overlays.show(messages, past)
@@ -110,7 +107,7 @@ class View:
 
 
 def stop_banner(stopped: str) -> str:
-    """Return what says that the robot has been stopped, as HTML; a style draws its frame."""
+    """Return the banner of an emergency stop, as HTML; empty if not stopped."""
     if not stopped:
         return ""
     return f'<div class="stopped" role="alert"><b>Emergency stop</b>{html.escape(stopped)}</div>'
@@ -177,15 +174,8 @@ def listed(marks: Sequence[Mark], most: int) -> str:
     return f'<ul class="lines">{rows or "<li>nothing yet</li>"}</ul>'
 
 
-def result_in(folder: Path) -> Result | None:
-    """Return the result of the run in a folder; None where there is none."""
-    with contextlib.suppress(StepbusError, OSError), Recording(folder / layout.RUN_FILE) as run:
-        return result_beside(run)
-    return None
-
-
 def failure_banner(result: Result | None, run: str = "") -> str:
-    """Return that and why a run failed, as HTML; nothing of one that did not. run: its name."""
+    """Return the banner of a failed run with its reason, as HTML; else empty. run: its name."""
     if result is None or not result.exit_code:
         return ""
     who, why = html.escape(f"{run} failed".strip()), html.escape(result.cause or result.reason)

@@ -8,15 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_models import RobotDescription
+from stepbus_models.mjcf import one_line
 from stepbus_plant.engine import BASE, Gear, Light, Link, Loading, PhysicsError
 from stepbus_plant.engines.mujoco.image import Painter
-from stepbus_plant.engines.mujoco.model import LEAST_RANGE, add, rigid
+from stepbus_plant.engines.mujoco.model import add, rigid
 from stepbus_plant.engines.mujoco.motors import add_motor
-from stepbus_plant.engines.mujoco.world import World, one_line
+from stepbus_plant.engines.mujoco.world import World
 from stepbus_plant.geometry import Array, Pose
 from stepbus_schemas import Point, WiringError
 
 _FRICTION_RATIO = 10.0
+_LEAST_RANGE = 1e-9
+"""MuJoCo has no joint that is locked by its stops [rad]."""
 
 
 class MujocoEngine(World):
@@ -59,8 +62,8 @@ class MujocoEngine(World):
             if robot.joints[joint].moves:
                 add_motor(self._spec, body.joint_name(index), self._dt)
         if robot.format == "urdf" and not options.collides_with_itself:
-            for one, other in combinations(sorted(body.solid), 2):
-                self._let_through(f"{number}/{one}", f"{number}/{other}")
+            for pair in combinations(filter(self.is_solid, self.links(number).values()), 2):
+                self.let_through(*pair)
         return number
 
     def notes(self, body: int) -> list[str]:
@@ -83,10 +86,7 @@ class MujocoEngine(World):
     def let_through(self, one: Link, other: Link) -> None:
         """See `Engine`."""
         first, second = (self._bodies[body].body_name(link) for body, link in (one, other))
-        self._let_through(first, second)
-
-    def _let_through(self, one: str, other: str) -> None:
-        self._spec.add_exclude(bodyname1=one, bodyname2=other)
+        self._spec.add_exclude(bodyname1=first, bodyname2=second)
 
     # --- joints ---------------------------------------------------------------------------
 
@@ -100,7 +100,7 @@ class MujocoEngine(World):
             joint.damping, model.dof_dampingpoly[joint.dofadr] = damping, 0.0
         joint.limited = math.isfinite(lower) and math.isfinite(upper)
         if joint.limited:
-            joint.range = lower, max(upper, lower + LEAST_RANGE)
+            joint.range = lower, max(upper, lower + _LEAST_RANGE)
 
     def couple(self, body: int, follower: int, leader: int, gear: Gear) -> None:
         """See `Engine`; as stiff as can be and without a limit, whatever the gear says."""

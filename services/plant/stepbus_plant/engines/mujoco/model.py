@@ -12,7 +12,7 @@ from typing import Any
 
 import mujoco
 
-from stepbus_models import Joint, RobotDescription, urdf_text
+from stepbus_models import RobotDescription, urdf_text
 from stepbus_models.mjcf import read_spec
 from stepbus_plant.engine import BASE, Loading
 from stepbus_plant.geometry import Pose
@@ -23,8 +23,6 @@ BOTH, SOLID, SEEN, NEITHER = 2, 3, 1, 5
 """Groups of geoms: visible and invisible collision shapes, visuals, and geoms of no use."""
 _SEEN_GROUPS = range(3)
 """Groups that MuJoCo's viewer shows from the start."""
-LEAST_RANGE = 1e-9
-"""MuJoCo has no joint that is locked by its stops [rad]."""
 _ROOT = "world "
 """Name of a link `world`, which MuJoCo's parser takes for the world itself."""
 _WORLD = re.compile('(<link name|link)="world"')
@@ -101,7 +99,8 @@ def _read_urdf(
         if any(shape.kind == "plane" for shape in (*link.visuals, *link.collisions)):
             text = "engine mujoco does not support a `<plane>` in a URDF"
             raise WiringError(f"link {link.name!r}: {text}; use engine pybullet, or remove it")
-    joints = {joint.name: _plain(joint) for joint in robot.joints.values()}
+    # The plant sets friction, and couples followers to their leaders.
+    joints = {n: replace(j, friction=0.0, mimic=None) for n, j in robot.joints.items()}
     text = urdf_text(replace(robot, joints=joints)).replace("</robot>", f"{_PARSER}</robot>")
     spec = mujoco.MjSpec.from_string(_WORLD.sub(rf'\1="{_ROOT}"', text))
     _read_meshes(spec)
@@ -115,17 +114,6 @@ def _read_urdf(
     # Its mistakes are those of this robot.
     spec.compile()
     return spec, [f"engine mujoco ignores <{tag}> of <contact>" for tag in sorted(unread)]
-
-
-def _plain(joint: Joint) -> Joint:
-    """Return a joint without damping, friction and leader, which the plant sets itself.
-
-    Stops at the same position are moved apart, as MuJoCo ignores them.
-    """
-    upper = joint.upper
-    if upper is not None and upper == joint.lower:
-        upper += LEAST_RANGE
-    return replace(joint, upper=upper, damping=0.0, friction=0.0, mimic=None)
 
 
 def _finish(body: Any, friction: Mapping[str, float], dt: float) -> None:

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_models.mjcf import one_line
 from stepbus_plant.engine import (
     ANY_BODY,
     ANY_LINK,
@@ -263,7 +264,7 @@ class World(Engine):
             at = model.jnt_dofadr[model.body_jntadr[number]]
             data.qvel[at : at + 3], data.qvel[at + 3 : at + 6] = linear, turn.T @ angular
         elif linear.any() or angular.any() or number in self._drift:
-            self._drift_with({**self._drift, number: (linear, angular)})
+            self._drift_with({number: (linear, angular)})
 
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
         """See `Engine`."""
@@ -272,9 +273,8 @@ class World(Engine):
 
     def _drift_with(self, drift: dict[int, tuple[Array, Array]]) -> None:
         """Let the surfaces of standing bodies move, and so what is on them; drift: see `_State`."""
-        stopped = dict.fromkeys(self._drift, _RESTS)
-        self._drift = drift
-        for number, (velocity, spin) in {**stopped, **drift}.items():
+        self._drift |= drift
+        for number, (velocity, spin) in drift.items():
             model, data = self._looked()
             model.flg_surfacevel = True
             stands = (model.body_rootid == number) & (model.body_treeid < 0)
@@ -345,11 +345,6 @@ def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
         on_other=contact.on_one,
         normal=(-x, -y, -z),
     )
-
-
-def one_line(error: Exception) -> str:
-    """Return what MuJoCo says, on one line."""
-    return " ".join(str(error).removeprefix("XML Error: ").removeprefix("Error: ").split())
 
 
 def _point(values: Array) -> Point:
