@@ -203,27 +203,27 @@ class Interface:
         names = described.names if form.sizes[:1] == ("n",) else []
         array = _Array(port, form.name, shape, math.prod(shape))
         unit = described.units.get(form.name, form.unit)
-        is_of_joints = len(shape) == 1 and bool(names)
-        places = [(described, index if is_of_joints else -1) for index in range(array.count)]
         self._observed.append(array)
-        self.observation += self._fields(array, names, places, form.name, unit)
+        self.observation += self._fields(array, names, [described], form.name, unit)
 
     def _fields(
         self,
         array: _Array,
         names: list[str],
-        places: Sequence[tuple[Description, int]],
+        states: Sequence[Description],
         quantity: str,
         unit: str,
     ) -> Iterator[Field]:
-        """Yield what each number of an array is.
+        """Yield the field of each number of an array.
 
-        names: along its first axis. places: of each number, the description of its joint and the
-        joint's index in that; −1: it is of none. quantity: what limits it.
+        names: along its first axis. states: which may describe these joints. quantity: what limits
+        it. Raises WiringError for a joint that the states lack.
         """
         name = f"{array.port}.{array.field}"
         given = self._params.limits.get(name)
-        for entry, (described, joint) in zip(entries(array.shape, names), places, strict=True):
+        is_of_joints = bool(names) and array.shape == (len(names),)
+        for entry in entries(array.shape, names):
+            described, joint = _joint(entry, states) if is_of_joints else (Description(), -1)
             low, high = given or _limits(described, quantity, joint)
             types = described.details.get("type", [])
             slides = 0 <= joint < len(types) and types[joint] == "prismatic"
@@ -261,10 +261,8 @@ class Interface:
         quantity, unit = form.name, form.unit
         if self._ports.outputs[port] == _JOINT_COMMAND and form.name == "values":
             quantity, unit = _OF_MODE[self._params.mode]
-        places = [(Description(), -1)] * array.count
-        if len(shape) == 1 and joints:
-            places = [self._joint(name) for name in joints]
-        fields = list(self._fields(array, joints, places, quantity, unit))
+        states = [self._inputs[p] for p, of in self._ports.inputs.items() if of == _JOINT_STATE]
+        fields = list(self._fields(array, joints, states, quantity, unit))
         for field in fields:
             if not (math.isfinite(field.low) and math.isfinite(field.high)):
                 name = f"{port}.{form.name}"
@@ -274,17 +272,6 @@ class Interface:
                 )
         self._commanded.append(array)
         self.action += fields
-
-    def _joint(self, name: str) -> tuple[Description, int]:
-        """Return the description of a joint's state, and where the joint stands in it."""
-        states = [self._inputs[p] for p, of in self._ports.inputs.items() if of == _JOINT_STATE]
-        for described in states:
-            if name in described.names:
-                return described, described.names.index(name)
-        if states:
-            known = [joint for described in states for joint in described.names]
-            raise WiringError(f"joints: no joint {name!r}{suggest(name, known)}")
-        return Description(), -1
 
     def _fixed_of(self, port: str) -> dict[str, Any]:
         """Return what a message needs beside the action."""
@@ -297,6 +284,17 @@ class Interface:
         if self._ports.outputs[port] == _JOINT_COMMAND:
             constants["mode"] = self._params.mode
         return constants
+
+
+def _joint(name: str, states: Sequence[Description]) -> tuple[Description, int]:
+    """Return the description of a joint's state, and its index there; −1: there are no states."""
+    for described in states:
+        if name in described.names:
+            return described, described.names.index(name)
+    if states:
+        known = [joint for described in states for joint in described.names]
+        raise WiringError(f"joints: no joint {name!r}{suggest(name, known)}")
+    return Description(), -1
 
 
 def _limits(described: Description, quantity: str, joint: int) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """A mission that picks up a cube with a SCARA arm and puts it down at a goal."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated
 
 import msgspec
@@ -19,7 +19,6 @@ from stepbus_participant import (
     Vector3,
     suggest,
 )
-from stepbus_participant.parameters import Keys
 from stepbus_scenarios.pick.picking import (
     CARRIES,
     CLOSED,
@@ -93,14 +92,6 @@ class Params(Settings):
     """Longest time for the gripper to grip, and to open [s]."""
     tolerance: Positive = 0.005
     """Largest distance from the goal at which the cube counts as placed [m]."""
-
-    def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield that the joints are not four."""
-        if len(self.joints) != 4:
-            yield (
-                ("joints",),
-                (f"has {len(self.joints)} joints; give four: shoulder, elbow, lift and wrist"),
-            )
 
 
 class _Progress(msgspec.Struct, forbid_unknown_fields=True):

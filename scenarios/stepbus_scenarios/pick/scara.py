@@ -53,9 +53,10 @@ class Scara:
         chain = _chain(read_robot(path), base, tip)
         moving = [joint for joint in chain if joint.type != "fixed"]
         names = tuple(joint.name for joint in moving)
-        if names != tuple(joints):
+        if names != tuple(joints) or len(names) != len(_TYPES):
             text = f"the joints from {base} to {tip} are {', '.join(names) or 'none'}"
-            raise WiringError(f"{path.name}: {text}, not {', '.join(joints)}")
+            wanted = f"{', '.join(joints)}; give shoulder, elbow, lift and wrist"
+            raise WiringError(f"{path.name}: {text}, not {wanted}")
         for joint, types in zip(moving, _TYPES, strict=True):
             if joint.type not in types or joint.axis != (0.0, 0.0, 1.0):
                 wanted = f"must be {' or '.join(types)} with the axis 0 0 1"

@@ -268,9 +268,7 @@ class RobotModel:
         """
         if not frame:
             return pin.SE3.Identity()
-        number = self.frame_id(frame)
-        pin.framesForwardKinematics(self.model, self.data, self.in_model(q))
-        return self.data.oMf[number].copy()
+        return self.frame_poses(q, [frame])[0]
 
     def frame_poses(self, q: Vector, frames: Sequence[str]) -> list[Any]:
         """Return the poses of several frames, see `frame_pose`."""

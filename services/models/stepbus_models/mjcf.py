@@ -144,9 +144,11 @@ class _Reader:
         root: number of the root body; where it is not the world, geoms of the world are left out.
         """
         model = self._model
+        bends = model.jnt_stiffnesspoly.any(axis=1) | (model.jnt_springyield > 0)
+        bends |= model.dof_dampingpoly[model.jnt_dofadr].any(axis=1)
         counts = {
             "ball joints": [self._type(n) for n in range(model.njnt)].count("ball"),
-            "nonlinear springs of joints": model.jnt_stiffnesspoly.any(axis=1).sum(),
+            "nonlinear springs and dampers of joints": bends.sum(),
             "tendons": model.ntendon,
             "constraints": model.eq_active0.sum() - len(list(self._couplings())),
             "shapes": self._odd_shapes,

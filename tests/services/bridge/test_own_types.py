@@ -3,15 +3,14 @@
 import json
 import math
 import sys
-from pathlib import Path
 
 import pytest
+from support.services.control import make_config
 
 from stepbus.testing import feed
 from stepbus_bridge.map_bridge import MapBridge
 from stepbus_bridge.raw_bridge import RawBridge
-from stepbus_participant import Config
-from stepbus_schemas import Description, InputConfig, LaserScan, OutputConfig, Types, WiringError
+from stepbus_schemas import Description, LaserScan, Types, WiringError
 
 TYPES = Types({"Thruster/1": {"thrust": "float[n]", "mode": ["off", "on"]}})
 Thruster = TYPES["Thruster/1"]
@@ -39,18 +38,9 @@ write.write(struct.pack(f"<{n_out}d", *ANSWER))
 """
 
 
-def config(types=TYPES, source="Thruster/1"):
-    return Config(
-        name="controller",
-        step_ns=5_000_000,
-        every=1,
-        seed=3,
-        folder=Path("/tmp"),
-        inputs={"in": InputConfig(source="other", port="p", type=source)},
-        outputs={"out": OutputConfig(type="Thruster/1")},
-        params={},
-        types=types,
-    )
+def config(source="Thruster/1"):
+    outputs = {"out": "Thruster/1"}
+    return make_config("controller", {"in": source}, outputs, params={}, types=TYPES)
 
 
 @pytest.fixture

@@ -4,43 +4,31 @@ import os
 import re
 import signal
 import sys
-from pathlib import Path
 
 import pytest
 from support.runs.bridge import BRIDGED
+from support.services.control import make_config
 
 from stepbus.testing import feed
 from stepbus_bridge.map_bridge import MapBridge
 from stepbus_bridge.program import BridgeError
 from stepbus_bridge.raw_bridge import RawBridge
-from stepbus_participant import Config
 from stepbus_schemas import (
     Description,
-    InputConfig,
     JointCommand,
     JointState,
-    OutputConfig,
     WiringError,
 )
 
-STATE = InputConfig(source="plant", port="joint_state", type="JointState/1")
 JOINTS = {"joint_state": Description(names=["knee", "hip"])}
 FORMS = ["json", "msgpack"]
 RIGHT = [sys.executable, str(BRIDGED), "json", "right", "1"]
 
 
-def config(**changes):
-    row = {
-        "name": "controller",
-        "step_ns": 5_000_000,
-        "every": 1,
-        "seed": 3,
-        "folder": Path("/tmp"),
-        "inputs": {"joint_state": STATE},
-        "outputs": {"command": OutputConfig(type="JointCommand/1")},
-        "params": {"kp": 2, "law": "pd"},
-    }
-    return Config(**(row | changes))
+def config(outputs=("JointCommand/1",), **changes):
+    ports = dict(zip(("command", "news"), outputs, strict=False))
+    inputs, params = {"joint_state": "JointState/1"}, {"kp": 2, "law": "pd"}
+    return make_config("controller", inputs, ports, params=params, **changes)
 
 
 def step_at(index, position):
@@ -145,8 +133,7 @@ def test_one_that_publishes_first_cannot_answer_an_update_with_outputs(bridge):
 
 
 def test_outputs_with_joints_are_like_the_first_input_with_joints(bridge):
-    outputs = {"command": OutputConfig(type="JointCommand/1"), "news": OutputConfig(type="Event/1")}
-    described = MapBridge(config(outputs=outputs), RIGHT, "json", {})
+    described = MapBridge(config(["JointCommand/1", "Event/1"]), RIGHT, "json", {})
     try:
         assert described.describe() == {"command": Description(like="joint_state")}
     finally:

@@ -236,7 +236,8 @@ BALL = '<body><joint name="b" type="ball"/><geom size=".1"/></body>'
     ("text", "left_out"),
     [
         (part(body=BALL), "ball joints (1)"),
-        (part(joint='stiffness="5 1"'), "nonlinear springs of joints (1)"),
+        (part(joint='stiffness="5 1"'), "nonlinear springs and dampers of joints (1)"),
+        (part(joint='damping="5 1"'), "nonlinear springs and dampers of joints (1)"),
         (part(SPRING), "tendons (1)"),
         (part('<equality><weld name="w" body1="arm"/></equality>'), "constraints (1)"),
         (part(body='<geom type="ellipsoid" size=".1 .2 .3"/>'), "shapes (1)"),

@@ -48,9 +48,12 @@ class Session:
     """One started program, and both ends of the bus; a context that ends whatever it started.
 
     material: what is played. command: the program's command line. cwd: where it is started. logs:
-    gets its log. transcript: what it has sent. Every wait raises Failed when its deadline is over,
-    when the program has ended, or when it reports a fault that the check does not expect.
+    gets its log. child: its process, once it is started. transcript: what it has sent. Every wait
+    raises Failed when its deadline is over, when the program has ended, or when it reports a fault
+    that the check does not expect.
     """
+
+    child: Child
 
     def __init__(
         self,
@@ -82,7 +85,6 @@ class Session:
         self._queried_at = 0.0
         self._replies: tuple[bytes, ...] = (_WELCOME,)
         self._bus: ZenohBus | None = None
-        self._child: Child | None = None
 
     # --- opening and closing -----------------------------------------------------------------
 
@@ -91,7 +93,7 @@ class Session:
             self._launcher = Launcher(run=self._run, token=self.token, logs=self._logs)
             stack.callback(self._launcher.end_all)
             limit_s = self.spec.deadlines.step_s
-            self._watchdog = Watchdog(limit_s, lambda: self.signal(signal.SIGKILL))
+            self._watchdog = Watchdog(limit_s, lambda: self.child.signal(signal.SIGKILL))
             stack.callback(self._watchdog.close)
             self._slots: SharedSlots | None = None
             if self._setup.has_slots:
@@ -104,7 +106,6 @@ class Session:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        self.signal(signal.SIGKILL)
         self._stack.close()
 
     def open_bus(self) -> None:
@@ -162,7 +163,7 @@ class Session:
 
     def start_program(self) -> None:
         """Start the participant."""
-        self._child = self._launcher.start(
+        self.child = self._launcher.start(
             self.spec,
             self._command,
             self._mesh.participants[self.spec.name],
@@ -170,6 +171,7 @@ class Session:
             slots="" if self._slots is None else str(self._slots.folder),
             protocols=self._setup.protocols,
         )
+        self._stack.callback(self.child.signal, signal.SIGKILL)
 
     def leave(self) -> None:
         """Close the bus without a Stop, as a killed orchestrator does."""
@@ -178,11 +180,6 @@ class Session:
                 self._bus.close()
             # This session no longer hears when its token disappears.
             self.transcript.alive = False
-
-    def signal(self, number: int) -> None:
-        """Send the participant a signal."""
-        if self._child is not None:
-            self._child.signal(number)
 
     # --- admission ---------------------------------------------------------------------------
 
@@ -259,10 +256,10 @@ class Session:
         transcript = self.transcript
 
         def is_over() -> bool:
-            return self.exit_code() is not None or bool(transcript.faults and not faults)
+            return self.child.exit_code() is not None or bool(transcript.faults and not faults)
 
         self._wait(lambda: condition() or is_over(), timeout_s, tick)
-        while not condition() and self.exit_code() is not None and self.poll(_LAST_LINES_S):
+        while not condition() and self.child.exit_code() is not None and self.poll(_LAST_LINES_S):
             continue
         if condition():
             return
@@ -270,8 +267,8 @@ class Session:
             fault = transcript.faults[0]
             raise Failed(f"it reported a fault at step {fault.step}: {fault.message}")
         how = f" within {timeout_s:g} s{self._last_wait()}"
-        if self.exit_code() is not None:
-            how = f": it {self.how_it_ended()}{self.last_output()}"
+        if self.child.exit_code() is not None:
+            how = f": it {self.child.how_it_ended()}{self.last_output()}"
         # What else is wrong may be the cause.
         problem = next((f"; {text} ({c})" for c, text in transcript.problems.items()), "")
         raise Failed(f"{what} did not arrive{how}{problem}")
@@ -285,26 +282,18 @@ class Session:
 
     # --- the program's end -------------------------------------------------------------------
 
-    def exit_code(self) -> int | None:
-        """Return the program's exit code, negative for a signal; None while it runs."""
-        return None if self._child is None else self._child.exit_code()
-
-    def how_it_ended(self) -> str:
-        """Return its end in words."""
-        return "" if self._child is None else self._child.how_it_ended()
-
     def last_output(self) -> str:
         """Return its last lines, as the end of a sentence."""
-        output = "" if self._child is None else self._child.last_output()
+        output = self.child.last_output()
         return f"; its last output: {output}" if output else ""
 
     def await_end(self, what: str, timeout_s: float, tick: Callable[[], None] | None = None) -> int:
         """Return the exit code once the program has ended; what: after which event."""
-        self._wait(lambda: self.exit_code() is not None, timeout_s, tick)
-        if self.exit_code() is None:
+        self._wait(lambda: self.child.exit_code() is not None, timeout_s, tick)
+        if self.child.exit_code() is None:
             raise Failed(f"it did not end within {timeout_s:g} s of {what}")
         # Its liveliness token disappears behind the last of what it sent, on the same link.
         self._wait(lambda: not self.transcript.alive, _DRAIN_S, None)
         while self.poll(0.0):
             continue
-        return self.exit_code() or 0
+        return self.child.exit_code() or 0

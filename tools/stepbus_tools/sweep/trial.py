@@ -13,7 +13,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, RunFailure
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.host import Host
+from stepbus_orchestrator.run.extension import Host
 from stepbus_orchestrator.run.inprocess.local_run import check_scenario
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run

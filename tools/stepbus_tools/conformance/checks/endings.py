@@ -225,7 +225,9 @@ def _stops(harness: Harness, at_step: int, when: str) -> str:
     if faults:
         raise Failed(f"a Stop {when} made it report a fault: {faults[0].message}")
     if code != 0:
-        raise Failed(f"it {harness.how_it_ended()} after the Stop {when}{harness.last_output()}")
+        raise Failed(
+            f"it {harness.child.how_it_ended()} after the Stop {when}{harness.last_output()}"
+        )
     return "exit code 0"
 
 
@@ -318,8 +320,8 @@ def _orchestrator_gone(kit: Kit) -> str:
 @check("P11.4", "SIGTERM ends it within 1 s, with a non-zero exit code", plain=True)
 def _sigterm(kit: Kit) -> str:
     with kit.running(kit.middle) as harness:
-        harness.signal(signal.SIGTERM)
+        harness.child.signal(signal.SIGTERM)
         code = harness.await_end("SIGTERM", _TERM_S)
         if code == 0:
             raise Failed("it exited with code 0 on SIGTERM")
-        return f"it {harness.how_it_ended()}"
+        return f"it {harness.child.how_it_ended()}"
