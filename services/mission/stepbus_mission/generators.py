@@ -5,22 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Protocol
 
-from stepbus_mission.csv_table import Table, read_table
-from stepbus_mission.params import (
-    SineParams,
-    StepParams,
-    TableParams,
-    WaypointParams,
-    time_of,
-)
-from stepbus_mission.polynomials import (
-    PiecewisePolynomial,
-    Polynomial,
-    at_rest,
-    cubic,
-    natural_spline_velocities,
-    quintic,
-)
+from stepbus_mission.csv_table import read_table
+from stepbus_mission.params import SineParams, StepParams, TableParams, WaypointParams
+from stepbus_mission.polynomials import PiecewisePolynomial, at_rest, natural_spline, quintic
 from stepbus_schemas import JointReference
 
 
@@ -96,9 +83,7 @@ class StepChange:
 
 def waypoints(joints: Sequence[str], params: WaypointParams) -> PiecewisePolynomial:
     """Return a path from waypoint to waypoint with minimum jerk, coming to rest at each."""
-    times: list[float] = []
-    for row in params.waypoints:
-        times.append(time_of(row, times[-1] if times else 0.0))
+    times = [row.time for row in params.waypoints]
     positions = [row.position.of(joints) for row in params.waypoints]
     polynomials = [
         [
@@ -111,34 +96,15 @@ def waypoints(joints: Sequence[str], params: WaypointParams) -> PiecewisePolynom
 
 
 def csv_trajectory(joints: Sequence[str], params: TableParams) -> PiecewisePolynomial:
-    """Return a path through the rows of a CSV file.
+    """Return a natural cubic spline through the rows of a CSV file.
 
-    A joint follows a polynomial between two rows, according to its columns: with position alone, a
-    natural cubic spline (velocity and acceleration continuous); with velocity, cubic Hermite
-    (velocity continuous); with both derivatives, quintic Hermite (acceleration continuous). The
-    published velocity and acceleration are its exact derivatives.
+    The published velocity and acceleration are its exact derivatives, and continuous.
     """
     table = read_table(params.file, joints)
-    return PiecewisePolynomial(
-        table.times,
-        [_segments(table, joint) for joint in joints],
-        [table.columns[joint][0] for joint in joints],
-        [table.columns[joint][-1] for joint in joints],
-    )
-
-
-def _segments(table: Table, joint: str) -> list[Polynomial]:
-    """Return one joint's polynomials, one per pair of consecutive rows."""
-    times, positions = table.times, table.columns[joint]
-    velocities = table.columns.get(f"{joint}_velocity")
-    accelerations = table.columns.get(f"{joint}_acceleration")
-    steps = [b - a for a, b in pairwise(times)]
-    if velocities is not None and accelerations is not None:
-        full = pairwise(zip(positions, velocities, accelerations, strict=True))
-        return [quintic(start, end, h) for (start, end), h in zip(full, steps, strict=True)]
-    velocities = velocities or natural_spline_velocities(times, positions)
-    knots = pairwise(zip(positions, velocities, strict=True))
-    return [cubic(start, end, h) for (start, end), h in zip(knots, steps, strict=True)]
+    times, positions = table["t"], [table[joint] for joint in joints]
+    splines = [natural_spline(times, row) for row in positions]
+    first, last = ([row[end] for row in positions] for end in (0, -1))
+    return PiecewisePolynomial(times, splines, first, last)
 
 
 TASKS: Mapping[str, Callable[[Sequence[str], Any], Generator]] = {

@@ -53,7 +53,7 @@ participants:
     params:
       task: waypoints
       joints: [joint1]
-      waypoints: [{position: 1}, {duration: 2, position: [3]}, {time: 5, position: {joint1: 1}}]
+      waypoints: [{time: 0, position: 1}, {time: 2, position: [3]}, {time: 5, position: {joint1: 1}}]
   sine:
     participant: stepbus_mission:Mission
     params: {task: sine, joints: [a, b], amplitude: 1, omega: [1, 2], phase: {a: 0, b: 1}}
