@@ -16,13 +16,8 @@ from stepbus_controller.laws import (
     make_robot,
 )
 from stepbus_controller.params import Params
-from stepbus_kinematics import (
-    Differentiator,
-    Vector,
-    delay_warning,
-    joint_orders,
-    make_smoother,
-)
+from stepbus_controller.smoothing import Differentiator, make_smoother
+from stepbus_kinematics import Vector, joint_orders
 from stepbus_participant import (
     Config,
     Method,
@@ -89,13 +84,11 @@ class Controller(Participant):
         ports.outputs_are("JointCommand/1", "ControllerStatus/1")
         params = config.read(Params, ports.problems)
         sensed_s = max(config.every, config.inputs[self._state_port].every) * config.step_ns * 1e-9
-        smoothing = (params.smoothing, params.time_constant, params.window, sensed_s)
-        self._smoother = make_smoother(*smoothing)
-        self._velocity_smoother = make_smoother(*smoothing)
+        self._smoother = make_smoother(params, sensed_s)
+        self._velocity_smoother = make_smoother(params, sensed_s)
         self._differentiator: Differentiator | None = None
         if params.velocity != "measured":
-            is_filtered = params.velocity == "filtered"
-            self._differentiator = Differentiator(params.cutoff_hz if is_filtered else None)
+            self._differentiator = Differentiator(params.cutoff_hz)
         filters = (self._smoother, self._velocity_smoother, self._differentiator)
         self._filters = [item for item in filters if item is not None]
         self._robot = make_robot(config, params)
@@ -233,7 +226,10 @@ class Controller(Participant):
         memory = self._state
         warnings = []
         if not memory.has_reported_delay:
-            warnings = [*delay_warning(self._smoother), *self._robot.notes]
+            warnings = list(self._robot.notes)
+            if self._smoother is not None:
+                delay_ms = self._smoother.delay * 1e3
+                warnings.insert(0, f"smoothing delays the measurements by {delay_ms:.1f} ms")
         memory.has_reported_delay = True
         saturated = [w != value for w, value in zip(wanted, values, strict=True)]
         if saturated != memory.saturated:

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from stepbus_kinematics import SmoothingParams
 from stepbus_participant import (
+    Count,
     ModelFile,
     Names,
     NonNegativePerJoint,
@@ -12,13 +12,14 @@ from stepbus_participant import (
     Plugin,
     Positive,
     PositivePerJoint,
+    Settings,
     Vector3,
     each,
 )
 from stepbus_participant.parameters import Keys
 
 
-class Params(SmoothingParams):
+class Params(Settings):
     """Parameters of `stepbus_controller`."""
 
     law: Literal["computed_torque", "pd", "pd_gravity", "pid"] | Plugin
@@ -40,13 +41,22 @@ class Params(SmoothingParams):
     """Source of the joint velocities."""
     cutoff_hz: Positive | None = None
     """Cutoff frequency of the velocity filter [Hz]; with `velocity: filtered`, and only then."""
+    smoothing: Literal["none", "low_pass", "moving_average"] = "none"
+    """Filter of the measurements. The status reports its delay."""
+    time_constant: Positive | None = None
+    """Time constant τ of the low-pass filter [s]; with `smoothing: low_pass`, and only then."""
+    window: Count | None = None
+    """Number of samples of the moving average; with `smoothing: moving_average`, and only then."""
     own: Own = {}
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield parameters that are missing without a model, or contradict each other."""
-        yield from super().problems()
         if (self.velocity == "filtered") != (self.cutoff_hz is not None):
             yield ("cutoff_hz",), "is needed with velocity filtered, and only then"
+        if (self.smoothing == "low_pass") != (self.time_constant is not None):
+            yield ("time_constant",), "is needed with smoothing low_pass, and only then"
+        if (self.smoothing == "moving_average") != (self.window is not None):
+            yield ("window",), "is needed with smoothing moving_average, and only then"
         if self.model is not None:
             return
         if self.joints is None:

@@ -1,11 +1,12 @@
-"""Filters of measurements: smoother ones, each with the delay that it costs, and velocities."""
+"""Filters of measurements: smoothers, each with the delay that it costs, and velocities."""
 
 import math
 from typing import Protocol
 
 import numpy as np
 
-from .model import Vector
+from stepbus_controller.params import Params
+from stepbus_kinematics import Vector
 
 
 class Smoother(Protocol):
@@ -38,26 +39,24 @@ class LowPass:
         return self.memory[0]
 
 
-class SavitzkyGolay:
-    """Value, in the middle of a window, of the polynomial that fits its samples best.
+class MovingAverage:
+    """The mean of the newest samples, which lags by half the window at every frequency.
 
-    window: samples, odd. period: between two of them [s]. degree: of the polynomial; 0: the moving
-    average. Its delay is half the window at every frequency (Savitzky and Golay, Analytical
-    Chemistry 36, 1964). Until the window is full, its oldest sample stands for those before it.
+    window: number of samples. period: between two samples [s]. Until the window is full, its oldest
+    sample stands for those before it.
     """
 
-    def __init__(self, window: int, period: float, degree: int = 2) -> None:
+    def __init__(self, window: int, period: float) -> None:
         self.memory: list[Vector] = []
-        half = window // 2
-        powers = np.vander(np.arange(-half, half + 1), degree + 1, increasing=True)
-        self._weights: Vector = np.linalg.pinv(powers)[0]
-        self.delay = half * period
+        self._window = window
+        self.delay = (window - 1) / 2 * period
 
     def update(self, values: Vector) -> Vector:
         """See `Smoother`."""
-        before = self.memory or [values] * len(self._weights)
+        before = self.memory or [values] * self._window
         self.memory = [*before[1:], values]
-        return self._weights @ np.array(self.memory)
+        mean: Vector = np.mean(self.memory, axis=0)
+        return mean
 
 
 class Differentiator:
@@ -89,21 +88,11 @@ class Differentiator:
         return velocity
 
 
-def delay_warning(smoother: Smoother | None) -> list[str]:
-    """Return the warning that reports the delay; none without smoothing."""
-    if smoother is None:
-        return []
-    return [f"smoothing delays the measurements by {smoother.delay * 1e3:.1f} ms"]
-
-
-def make_smoother(
-    smoothing: str, time_constant: float | None, window: int | None, period: float
-) -> Smoother | None:
-    """Return a filter as `SmoothingParams` describe it; None: no smoothing.
+def make_smoother(params: Params, period: float) -> Smoother | None:
+    """Return the filter of the parameters; None: no smoothing.
 
     period: between two measurements [s].
     """
-    if time_constant is not None:
-        return LowPass(time_constant, period)
-    degree = 2 if smoothing == "savitzky_golay" else 0
-    return None if window is None else SavitzkyGolay(window, period, degree)
+    if params.time_constant is not None:
+        return LowPass(params.time_constant, period)
+    return None if params.window is None else MovingAverage(params.window, period)

@@ -5,14 +5,14 @@ import pytest
 from support.services.control import controller_config, make_controller
 
 from stepbus_controller.controller import Controller
-from stepbus_kinematics.smoothing import LowPass, SavitzkyGolay, make_smoother
+from stepbus_controller.smoothing import LowPass, MovingAverage
 from stepbus_schemas import JointReference, JointState, WiringError
 
 PERIOD = 0.005
 PD = {"law": "pd", "kp": 100, "kd": 0, "joints": ["joint1", "joint2"], "effort_limit": 50}
 
 
-@pytest.mark.parametrize("make", [lambda: LowPass(0.02, PERIOD), lambda: SavitzkyGolay(9, PERIOD)])
+@pytest.mark.parametrize("make", [lambda: LowPass(0.02, PERIOD), lambda: MovingAverage(9, PERIOD)])
 def test_a_ramp_comes_later_by_the_stated_delay(make):
     smoother = make()
     for k in range(200):
@@ -20,7 +20,7 @@ def test_a_ramp_comes_later_by_the_stated_delay(make):
     assert out[0] == pytest.approx(199 * PERIOD - smoother.delay)
 
 
-@pytest.mark.parametrize("make", [lambda: LowPass(0.02, PERIOD), lambda: SavitzkyGolay(9, PERIOD)])
+@pytest.mark.parametrize("make", [lambda: LowPass(0.02, PERIOD), lambda: MovingAverage(9, PERIOD)])
 def test_noise_is_at_least_halved_and_the_first_sample_passes(make):
     smoother, noise = make(), np.random.default_rng(0).standard_normal((500, 1))
     out = [smoother.update(row) for row in noise]
@@ -29,17 +29,11 @@ def test_noise_is_at_least_halved_and_the_first_sample_passes(make):
 
 
 def test_a_moving_average_is_the_mean_of_its_window():
-    smoother = make_smoother("moving_average", None, 7, PERIOD)
+    smoother = MovingAverage(7, PERIOD)
     rows = np.random.default_rng(0).standard_normal((20, 2))
     out = [smoother.update(row) for row in rows]
     assert out[-1] == pytest.approx(rows[-7:].mean(axis=0))
     assert smoother.delay == pytest.approx(3 * PERIOD)
-
-
-def test_savitzky_golay_keeps_a_parabola():
-    smoother = SavitzkyGolay(7, 1.0)
-    out = [smoother.update(np.array([float(k * k)])) for k in range(20)]
-    assert out[-1] == pytest.approx([16.0**2])
 
 
 def test_the_controller_smooths_and_says_once_what_it_costs():
@@ -73,21 +67,14 @@ def test_the_error_of_the_status_counts_from_the_measured_position_not_the_smoot
     [
         (
             {"smoothing": "lowpass"},
-            "smoothing: must be none, low_pass, moving_average or savitzky_golay, not 'lowpass'; did you mean 'low_pass'",
+            "smoothing: must be none, low_pass or moving_average, not 'lowpass'; did you mean 'low_pass'",
         ),
         ({"smoothing": "low_pass"}, "time_constant: is needed with smoothing low_pass"),
         (
             {"smoothing": "low_pass", "time_constant": 0},
             "time_constant: must be a number above 0, not 0",
         ),
-        (
-            {"smoothing": "moving_average", "window": 1},
-            "window: must be an odd number from 3 to 999, not 1",
-        ),
-        (
-            {"smoothing": "savitzky_golay", "window": 8},
-            "window: must be an odd number from 5 to 999, not 8",
-        ),
+        ({"smoothing": "moving_average"}, "window: is needed with smoothing moving_average"),
     ],
 )
 def test_mistakes_in_smoothing_are_named(params, text):

@@ -189,8 +189,7 @@ def test_shipped_scenarios_start_from_checkpoints(name, tmp_path):
     "filters",
     [
         ["velocity=filtered", "cutoff_hz=20", "smoothing=low_pass", "time_constant=0.02"],
-        ["velocity=finite_difference", "smoothing=savitzky_golay", "window=5"],
-        ["smoothing=savitzky_golay", "window=7"],
+        ["velocity=finite_difference", "smoothing=moving_average", "window=5"],
     ],
 )
 def test_filters_of_the_controller_are_saved(filters, tmp_path):
