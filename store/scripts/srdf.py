@@ -1,4 +1,4 @@
-"""Write an SRDF: `python -m stepbus_kinematics.srdf robot.urdf joint …` prints it.
+"""Print an SRDF: `python store/scripts/srdf.py robot.urdf joint …`.
 
 It names the pairs of links that never touch, or always do, wherever the named joints stand, and
 those that no named joint moves against one another.
@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics.self_collisions import collision_geometry, keep_moving_pairs
+from stepbus_kinematics import RobotModel, collision_geometry
+from stepbus_kinematics.self_collisions import keep_moving_pairs
 from stepbus_schemas import WiringError
-
-from .model import RobotModel
 
 _SAMPLES = 10_000
 _ALWAYS = 0.95

@@ -24,7 +24,6 @@ from support.services.planner import (
 )
 from support.store_paths import STORE_TESTS
 
-from stepbus_kinematics.srdf import srdf_text
 from stepbus_schemas import Description, PlanRequest, Poses, RunError, WiringError
 from stepbus_store.planner.obstacles import PlannedRobot
 from stepbus_store.planner.planner import Planner
@@ -258,12 +257,6 @@ def test_things_of_unknown_shape_are_told_once(tmp_path):
     planner.close()
     assert first["event"].text.startswith("the shape of statue is unknown")
     assert (first["event"].level, second) == ("warning", {})
-
-
-def test_an_srdf_names_neighbours_and_links_that_never_meet(tmp_path):
-    text = srdf_text(write_arm(tmp_path), JOINTS, samples=200)
-    assert 'link1="link_0" link2="link_1"' in text
-    assert 'link1="link_0" link2="link_2"' not in text
 
 
 def test_with_an_srdf_its_pairs_are_left_out(tmp_path):
