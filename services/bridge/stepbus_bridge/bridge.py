@@ -40,7 +40,8 @@ class Bridge(Participant):
 
     def await_end(self) -> str:
         """Wait for the program's end; return what is wrong with its exit code, or nothing."""
-        self.program.await_end()
+        # The orchestrator kills it, and us, if that lasts.
+        self.program.has_ended(wait=True)
         if not self.program.exit_code or self.program.failed:
             return ""
         return f"{self.config.name}: {self.program} {self.program.how_it_ended()} after the stop"

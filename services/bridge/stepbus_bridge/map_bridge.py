@@ -33,10 +33,6 @@ class Json:
         """Return the length of the first line; -1: it has no end yet."""
         return data.find(b"\n") + 1 or -1
 
-    def progress(self, data: bytes | bytearray) -> str:
-        """Return in words how much of a message `data` is."""
-        return f"{len(data)} bytes without an end of line ({show(data)})"
-
     def encode(self, value: Any) -> bytes:
         """Return a framed message."""
         return _to_json(value) + b"\n"
@@ -70,11 +66,6 @@ class MessagePack:
         """Return the length of the first message, with its prefix; -1: not yet known."""
         return 4 + int.from_bytes(data[:4], "little") if len(data) >= 4 else -1
 
-    def progress(self, data: bytes | bytearray) -> str:
-        """Return in words how much of a message `data` is."""
-        total = self.length(data)
-        return f"{len(data)} of {total} bytes" if total > 0 else f"{len(data)} of at least 4 bytes"
-
     def encode(self, value: Any) -> bytes:
         """Return a framed message."""
         data = _to_msgpack(value)
@@ -91,7 +82,7 @@ class MapBridge(Bridge):
 
     def __init__(self, config: Config, argv: Sequence[str], form: str, describe: Described) -> None:
         self._codec = Json() if form == "json" else MessagePack()
-        super().__init__(config, argv, form, describe, self._codec)
+        super().__init__(config, argv, form, describe, self._codec.length)
         self._first = config.publishes == "first"
         self._ports = tuple(config.inputs)
         self._outputs = tuple(config.outputs)

@@ -9,9 +9,8 @@ import os
 import select
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
 
 from stepbus_participant import OutputError, last_lines
 from stepbus_schemas import WiringError
@@ -38,16 +37,8 @@ class BridgeError(OutputError):
     """The program ended or gave an invalid answer; the message names it."""
 
 
-class Framing(Protocol):
-    """Where one message ends."""
-
-    def length(self, data: bytes | bytearray) -> int:
-        """Return the length of the message that `data` starts with; -1: not yet known."""
-        ...
-
-    def progress(self, data: bytes | bytearray) -> str:
-        """Return in words how much of a message `data` is."""
-        ...
+Framing = Callable[[bytes | bytearray], int]
+"""The start of a message → the length of the message; -1: not yet known."""
 
 
 class Program:
@@ -64,7 +55,7 @@ class Program:
     def __init__(self, argv: Sequence[str], form: str, framing: Framing) -> None:
         name = " ".join([Path(argv[0]).name, *argv[1:]])
         self._name = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}…"
-        self._framing = framing
+        self._length_of = framing
         theirs, self._to = _pipe()
         self._from, answers = _pipe()
         try:
@@ -115,7 +106,7 @@ class Program:
     def receive(self) -> bytes | bytearray:
         """Return the next message, however long it takes; the orchestrator has the deadline."""
         data = self._read()
-        if data and self._framing.length(data) == len(data):
+        if data and self._length_of(data) == len(data):
             return data
         return self._receive_pieces(data)
 
@@ -123,7 +114,7 @@ class Program:
         data = bytearray()
         while chunk:
             data += chunk
-            length = self._framing.length(data)
+            length = self._length_of(data)
             longest = max(length, len(data))
             if longest > MOST_BYTES:
                 raise self.wrong(f"wrote a message of {longest} bytes; the limit is {MOST_BYTES}")
@@ -132,11 +123,14 @@ class Program:
                     raise self.wrong(f"wrote {show(data[length:])} after its answer")
                 return data
             if not self.has_written(_REST_S):
-                raise self.wrong(f"wrote an incomplete message: {self._framing.progress(data)}")
+                raise self.wrong(f"wrote an incomplete message: {self._progress(data)}")
             chunk = self._read()
-        raise self._gone(
-            f" after an incomplete message: {self._framing.progress(data)}" if data else ""
-        )
+        raise self._gone(f" after an incomplete message: {self._progress(data)}" if data else "")
+
+    def _progress(self, data: bytes | bytearray) -> str:
+        length = self._length_of(data)
+        whole = "without its end" if length < 0 else f"of {length}"
+        return f"{len(data)} bytes {whole} ({show(data)})"
 
     def _read(self) -> bytes:
         """Wait until it has written something, and return it; empty: it writes no more."""
@@ -185,10 +179,6 @@ class Program:
         if self._open:
             self._open = False
             os.close(self._to)
-
-    def await_end(self) -> None:
-        """Wait for its end; the orchestrator kills it, and us, if that lasts."""
-        self.has_ended(wait=True)
 
 
 def show(data: bytes | bytearray) -> str:

@@ -21,27 +21,18 @@ _LACKING = {"names": "joints", "shape": "length"}
 
 
 class RawBridge(Bridge):
-    """A participant whose program speaks numbers alone; it is its own framing."""
+    """A participant whose program speaks numbers alone."""
 
     def __init__(self, config: Config, argv: Sequence[str], form: str, describe: Described) -> None:
         inputs = {name: port.type for name, port in config.inputs.items()}
         outputs = {name: port.type for name, port in config.outputs.items()}
         if mistake := raw_problem(config.publishes, inputs, outputs, config.types):
             raise WiringError(f"participants.{config.name}.bridge: {mistake}")
-        super().__init__(config, argv, form, describe, self)
+        super().__init__(config, argv, form, describe, lambda _: self._codes[1].size)
         self._in: list[tuple[str, RawLayout, Sequence[int]]] = []
         self._out: list[tuple[str, RawLayout]] = []
         # The program's first number says that it is ready.
         self._codes = (struct.Struct(""), struct.Struct("<d"))
-
-    def length(self, _data: bytes | bytearray) -> int:
-        """Return the length of a message of the program."""
-        return self._codes[1].size
-
-    def progress(self, data: bytes | bytearray) -> str:
-        """Return in words how much of a message `data` is."""
-        size = self.length(data)
-        return f"{len(data)} of {size} bytes ({size // 8} numbers)"
 
     def describe(self) -> Mapping[str, Description]:
         """Wait until the program has written its 1.0."""
