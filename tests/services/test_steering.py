@@ -138,15 +138,6 @@ def test_another_frequency_goes_on_from_the_angle_that_the_sine_has(tmp_path):
     assert found.position[AT + 50][0] == pytest.approx(math.sin(angle + 4 * 0.25))
 
 
-def test_a_step_changes_its_target(tmp_path):
-    task = {"task": "step", "joints": ["joint1", "joint2"], "initial": [0, 1], "target": [0, 1]}
-    overrides = [f"mission.params={task}"]
-    call = ("mission", "set", "target", [0.3, 0.8])
-    found = reference(steered(tmp_path / "out", call, overrides=overrides))
-    assert found.position[AT - 1].tolist() == [0, 1]
-    assert found.position[AT].tolist() == [0.3, 0.8]
-
-
 @pytest.mark.parametrize(
     ("call", "why"),
     [
@@ -163,6 +154,7 @@ def test_a_step_changes_its_target(tmp_path):
         (("mission", "set_target", "joint1", [1]), "is not a valid target"),
         (("mission", "set_target", "joint1", 1, -1), "is not a valid target"),
         (("mission", "set", "omega", "fast"), "omega"),
+        (("mission", "set", "omega", [1, 2, 3]), "omega"),
     ],
 )
 def test_what_does_not_fit_is_refused(tmp_path, call, why):

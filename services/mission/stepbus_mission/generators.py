@@ -114,11 +114,8 @@ TASKS: Mapping[str, Callable[[Sequence[str], Any], Generator]] = {
     "waypoints": waypoints,
 }
 """Value of `task` in the scenario → what makes its generator."""
-STEERED: Mapping[str, Mapping[str, str]] = {
-    "sine": {"amplitude": "rad", "omega": "rad/s", "phase": "rad", "offset": "rad"},
-    "step": {"target": "rad", "initial": "rad", "time": "s"},
-}
-"""Task → its parameters that calls can set, with their units."""
+STEERED = {"amplitude": "rad", "omega": "rad/s", "phase": "rad", "offset": "rad"}
+"""The parameters of a sine that calls can set, with their units."""
 
 
 def duration_of(generator: Generator) -> float:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import msgspec
 
@@ -141,7 +141,7 @@ class Mission(Participant):
 
     Outputs: one JointReference/1 and, optionally, one Event/1 that reports the start and the end.
     Ports can have any name. There are no inputs. Calls move a joint to a position and set
-    parameters of the task; a change of `omega` keeps the phase of the sine continuous.
+    parameters of a sine; a change of `omega` keeps its phase continuous.
     """
 
     def __init__(self, config: Config) -> None:
@@ -156,9 +156,10 @@ class Mission(Participant):
         self._end_when_done = params.end_when_done
         self._task = params.task
         self.generator = make_generator(config, params)
-        self._changed: Params | None = None
+        self._changed: SineParams | None = None
         self._targets = Targets(self._joints)
-        self._steering = Steering(config, Params, STEERED.get(params.task, {}), self._change)
+        steered = STEERED if params.task == "sine" else {}
+        self._steering = Steering(config, Params, steered, self._change)
         duration = duration_of(self.generator)
         self._done_ns = math.inf if math.isinf(duration) else round(duration * 1e9)
         self._is_done = False
@@ -188,19 +189,15 @@ class Mission(Participant):
     def _reference(self, t: float) -> JointReference:
         """Return the reference of a time [s]; calls take effect here."""
         if self._changed is not None:
-            params, self._changed = self._changed, None
-            if isinstance(self.generator, Sine) and isinstance(params, SineParams):
-                self.generator = self.generator.changed(params.joints, params, t)
-            else:
-                self.generator = make_generator(self.config, params)
+            sine, params, self._changed = cast("Sine", self.generator), self._changed, None
+            self.generator = sine.changed(params.joints, params, t)
         return self._targets.apply(t, self.generator.at(t))
 
     def _change(self, params: Params) -> None:
-        make_generator(self.config, params)
-        self._changed = params
+        self._changed = cast("SineParams", params)
 
     def calls(self) -> Mapping[str, Method]:
-        """Return the calls that send a joint somewhere, and that set what the task has."""
+        """Return the calls that send a joint somewhere, and that change a sine."""
         return {
             "set_target": Method(
                 self._targets.set_target,
