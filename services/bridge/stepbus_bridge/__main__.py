@@ -3,7 +3,6 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 import msgspec
 
@@ -11,7 +10,7 @@ from stepbus_bridge.bridge import Bridge
 from stepbus_bridge.map_bridge import MapBridge
 from stepbus_bridge.raw_bridge import RawBridge
 from stepbus_participant import Config, main
-from stepbus_schemas import BRIDGE_FORMATS, UNDECODABLE, explained
+from stepbus_schemas import BRIDGE_FORMATS, UNDECODABLE, Description, explained
 
 
 def _take_part(arguments: Sequence[str]) -> int:
@@ -40,12 +39,12 @@ def _take_part(arguments: Sequence[str]) -> int:
     return code
 
 
-def _described(text: str) -> Any:
+def _described(text: str) -> dict[str, Description]:
     try:
-        return msgspec.json.decode(text, type=dict[str, dict[str, Any]])
+        return msgspec.json.decode(text, type=dict[str, Description])
     except UNDECODABLE as exc:
         raise argparse.ArgumentTypeError(
-            f"{text!r} is not a map of descriptions: {explained(exc)}"
+            f"{text!r} is not a map of descriptions: {explained(exc, Description)}"
         ) from exc
 
 

@@ -1,30 +1,19 @@
 """What every bridged participant does, in any format."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
-
-import msgspec
 
 from stepbus_bridge.program import Framing, Program
 from stepbus_participant import Config, Participant
-from stepbus_schemas import (
-    SHIPPED,
-    Description,
-    Types,
-    WiringError,
-    explained,
-    json_schema,
-    not_null,
-)
+from stepbus_schemas import Description, Types, json_schema, not_null
 
-Described = Mapping[str, Mapping[str, Any]]
+Described = Mapping[str, Description]
 """Output → its description, as the scenario gives it."""
 
 
 class Bridge(Participant):
     """Owns the program and describes its outputs.
 
-    Raises WiringError if the program does not exist or a description is invalid.
+    Raises WiringError if the program does not exist.
     """
 
     def __init__(
@@ -53,23 +42,17 @@ def _descriptions(config: Config, given: Described) -> dict[str, Description]:
     An output with joints that is not described is like the first input with joints.
     """
     types = config.types
-    inputs = (name for name, port in config.inputs.items() if has_joints(port.type, types))
+    inputs = (name for name, port in config.inputs.items() if _has_joints(port.type, types))
     first = next(inputs, None)
-    descriptions = {
+    like_first = {
         name: Description(like=first)
         for name, port in config.outputs.items()
-        if first is not None and has_joints(port.type, types)
+        if first is not None and _has_joints(port.type, types)
     }
-    for name, row in given.items():
-        try:
-            descriptions[name] = msgspec.convert(row, Description)
-        except msgspec.ValidationError as exc:
-            where = f"participants.{config.name}.bridge.describe.{name}"
-            raise WiringError(f"{where}: {explained(exc, Description)}") from exc
-    return descriptions
+    return {**like_first, **given}
 
 
-def has_joints(type_name: str, types: Types = SHIPPED) -> bool:
+def _has_joints(type_name: str, types: Types) -> bool:
     """Return whether a message type has a vector with one entry per name."""
     fields = json_schema(type_name, types)["properties"].values()
     return any(field.get("shape", not_null(field).get("shape")) == ["n"] for field in fields)

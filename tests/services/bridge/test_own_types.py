@@ -50,7 +50,7 @@ def started():
 
     def start(cls, form, program, description, settings=None):
         argv = [sys.executable, "-c", program]
-        describe = {"out": {"names": ["left", "right"]}}
+        describe = {"out": Description(names=["left", "right"])}
         made.append(cls(settings or config(), argv, form, describe))
         made[-1].describe()
         made[-1].start({"in": description})
