@@ -170,13 +170,10 @@ class PDGravity(PD):
     Siciliano et al., Robotics, 2009, section 8.5.1.
     """
 
-    def __init__(self, robot: Robot, params: GainParams) -> None:
-        super().__init__(robot, params)
-        self._model = robot.require_model()
-
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
         """See `Law`."""
-        return self._model.gravity_torque(q) + super().torque(q, v, reference, dt)
+        gravity = self._robot.require_model().gravity_torque(q)
+        return gravity + super().torque(q, v, reference, dt)
 
 
 class ComputedTorque(PD):
@@ -188,14 +185,10 @@ class ComputedTorque(PD):
 
     gains: ClassVar[Mapping[str, str]] = {"kp": "1/s²", "kd": "1/s"}
 
-    def __init__(self, robot: Robot, params: GainParams) -> None:
-        super().__init__(robot, params)
-        self._model = robot.require_model()
-
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
         """See `Law`."""
         acceleration = reference.acceleration + super().torque(q, v, reference, dt)
-        return self._model.inverse_dynamics(q, v, acceleration)
+        return self._robot.require_model().inverse_dynamics(q, v, acceleration)
 
 
 LAWS: dict[str, type[PD]] = {
