@@ -26,8 +26,8 @@ def srdf_text(path: Path, joints: Sequence[str], samples: int = _SAMPLES) -> str
 
     Pairs that none of the joints moves against one another are among them.
 
-    path: URDF or xacro. Neighbours are among the pairs. Raises WiringError for what is wrong
-    with the file or the joints.
+    path: URDF or xacro. Neighbours are among the pairs. Raises WiringError for an
+    invalid file or unknown joints.
     """
     robot = RobotModel(path, joints, bounded=True)
     model, geometry = robot.model, collision_geometry(robot)

@@ -1,4 +1,4 @@
-"""What every bridged participant does, in any format."""
+"""The base class of the bridge: a participant whose outputs another program computes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -28,7 +28,7 @@ class Bridge(Participant):
         self.program.stop()
 
     def await_end(self) -> str:
-        """Wait for the program's end; return what is wrong with its exit code, or nothing."""
+        """Wait for the program's end; return an error message about its exit code, or ''."""
         # The orchestrator kills it, and us, if that lasts.
         self.program.has_ended(wait=True)
         if not self.program.exit_code or self.program.failed:

@@ -38,7 +38,7 @@ class Json:
         return _to_json(value) + b"\n"
 
     def decoder(self, cls: type[Any]) -> Any:
-        """Return a function from a framed message to a value; it raises what msgspec does."""
+        """Return a function from a framed message to a value; it raises msgspec's errors."""
         quick = msgspec.json.Decoder(cls).decode
 
         def decode(data: bytes) -> Any:
@@ -72,7 +72,7 @@ class MessagePack:
         return len(data).to_bytes(4, "little") + data
 
     def decoder(self, cls: type[Any]) -> Any:
-        """Return a function from a framed message to a value; it raises what msgspec does."""
+        """Return a function from a framed message to a value; it raises msgspec's errors."""
         decode = msgspec.msgpack.Decoder(cls).decode
         return lambda data: decode(memoryview(data)[4:])
 

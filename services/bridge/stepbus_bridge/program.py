@@ -182,7 +182,7 @@ class Program:
 
 
 def show(data: bytes | bytearray) -> str:
-    """Return the beginning of what a program wrote, for a message."""
+    """Return the quoted start of a program's output, for an error message."""
     text = bytes(data[:_SHOWN]).decode(errors="backslashreplace")
     return repr(text) + ("…" if len(data) > _SHOWN else "")
 

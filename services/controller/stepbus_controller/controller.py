@@ -40,7 +40,7 @@ from stepbus_schemas import (
 
 
 class _State(msgspec.Struct, forbid_unknown_fields=True):
-    """What a controller remembers of its inputs and of its status; vectors of shape (n,).
+    """The newest inputs and the last status of a controller; vectors of shape (n,).
 
     motion: positions as measured at measured_ns, positions and velocities for the law. saturated:
     which joints.
@@ -56,7 +56,7 @@ class _State(msgspec.Struct, forbid_unknown_fields=True):
 class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     """A controller at a checkpoint.
 
-    params: with the gains that calls have set. integral: of the law. filters: what each remembers.
+    params: including the gains that calls have set. integral: of the law. filters: their memory.
     """
 
     state: _State
@@ -109,7 +109,7 @@ class Controller(Participant):
         return described
 
     def calls(self) -> Mapping[str, Method]:
-        """Return the calls that read and set the gains; none of a law of one's own."""
+        """Return the calls that get and set the gains; empty for a law of the user's own."""
         return self._steering.methods()
 
     def _set_gains(self, params: Params) -> None:
@@ -117,7 +117,7 @@ class Controller(Participant):
         cast("PD", self.law).set_gains(params)
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Map the joints of both inputs by name; raises WiringError for those that are missing."""
+        """Map the joints of both inputs by name; raises WiringError for missing joints."""
         ports = (self._state_port, self._reference_port)
         self._state_order, self._reference_order = joint_orders(
             self.config.name, inputs, ports, self._names
@@ -146,7 +146,7 @@ class Controller(Participant):
         return {self._command_port: command, self._status_port: self._status(error, wanted, values)}
 
     def save(self) -> bytes | None:
-        """Return gains, filters and integral; None with a law of one's own, which has no such."""
+        """Return inputs, gains, filters and integral; None for a law of the user's own."""
         if type(self.law) not in LAWS.values():
             return None
         integral = cast("PD", self.law).integral
@@ -155,7 +155,7 @@ class Controller(Participant):
         return msgspec.msgpack.encode(saved, enc_hook=np.ndarray.tolist)
 
     def restore(self, state: bytes) -> None:
-        """Take what `save` returned."""
+        """Restore inputs, gains, filters and integral from `save`."""
         saved = msgspec.msgpack.decode(state, type=_Saved, dec_hook=lambda _, row: np.array(row))
         self._state = saved.state
         law = cast("PD", self.law)
@@ -169,7 +169,7 @@ class Controller(Participant):
         return {"numpy": np.__version__, "pinocchio": installed_version("pin")}
 
     def _read(self, step: Step) -> None:
-        """Read what is new on both inputs; the rest is held."""
+        """Read new messages of both inputs; an input without a new message holds the last."""
         if step.is_new(self._state_port):
             state = step.read(self._state_port, JointState)
             source = self.config.inputs[self._state_port]

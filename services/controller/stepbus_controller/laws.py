@@ -25,7 +25,7 @@ class Robot:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the model leaves out of an MJCF; nothing of a URDF: the plant reports that."""
+        """Warnings about elements of an MJCF that the model leaves out; empty for a URDF."""
         robot = None if self.model is None else self.model.robot
         return robot.warnings if robot is not None and robot.format == "mjcf" else ()
 
@@ -76,7 +76,7 @@ class Reference(NamedTuple):
 
 
 class Law(Protocol):
-    """A control law, also one of your own.
+    """The interface of a control law, built-in or your own.
 
     The constructor takes the robot and the parameters: those of this package, or for your own
     class an instance of its `Params`, or else a map. Every vector has shape (n,), in the order of
@@ -97,7 +97,7 @@ class PD:
     """τ = Kp (q_d − q) + Kd (v_d − v); the base of all laws of this package.
 
     kp [N·m/rad], kd [N·m·s/rad]. integral: state of the integrator, shape (n,) [N·m]; empty
-    without one.
+    without an integrator.
     """
 
     gains: ClassVar[Mapping[str, str]] = {"kp": "N·m/rad", "kd": "N·m·s/rad"}
@@ -109,7 +109,7 @@ class PD:
         self.set_gains(params)
 
     def set_gains(self, params: Any) -> None:
-        """Take the gains of parameters; what the law has integrated stays."""
+        """Set the gains from parameters; the integral is kept."""
         self._kp = self._gain(params.kp)
         self._kd = self._gain(params.kd)
 

@@ -1,4 +1,4 @@
-"""Models of robots, and what services that move joints share."""
+"""Models of robots, joint orders and collision checks, for services that move joints."""
 
 from .joint_order import JointOrder as JointOrder
 from .joint_order import joint_orders as joint_orders

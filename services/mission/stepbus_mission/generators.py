@@ -14,7 +14,7 @@ from stepbus_schemas import JointReference
 class Generator(Protocol):
     """The interface of a reference generator, built-in or your own.
 
-    The constructor takes the joints and the parameters: those of the mission, or an instance of
+    The constructor takes the joints and the parameters: the mission's, or an instance of
     its own class `Params`. A generator that ends has an attribute `duration` [s]; after that, the
     reference is at rest.
     """
@@ -113,7 +113,7 @@ TASKS: Mapping[str, Callable[[Sequence[str], Any], Generator]] = {
     "step": StepChange,
     "waypoints": waypoints,
 }
-"""Value of `task` in the scenario → what makes its generator."""
+"""Value of `task` in the scenario → factory of its generator."""
 STEERED = {"amplitude": "rad", "omega": "rad/s", "phase": "rad", "offset": "rad"}
 """The parameters of a sine that calls can set, with their units."""
 

@@ -75,8 +75,8 @@ class Targets:
     def set_target(self, joint: str, position: float | str, duration_s: float = 0.0) -> None:
         """Send a joint to a position [rad], with minimum jerk over a time [s]; 0: at once.
 
-        position: a number, or degrees such as `30deg`. Raises CallError for an unknown joint, or
-        what is no number.
+        position: a number, or degrees such as `30deg`. Raises CallError for an unknown joint
+        or an invalid number.
         """
         index, angle = self._index(joint), _radians(position)
         numbers = [n for n in (angle, duration_s) if isinstance(n, int | float)]
@@ -99,7 +99,7 @@ class Targets:
         return self._joints.index(joint)
 
     def apply(self, t: float, task: JointReference) -> JointReference:
-        """Return the reference of a time [s]; task: that of the task."""
+        """Return the reference at a time [s]; task: the reference of the task."""
         state, target = self.state, task
         for indices, position, duration_s in self.pending:
             for index in indices:
@@ -127,7 +127,7 @@ class Targets:
 class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     """The state of a mission at a checkpoint.
 
-    params: with those that calls have set. shift: of `Sine`. targets: of `Targets`.
+    params: including the values that calls have set. shift: of `Sine`. targets: of `Targets`.
     """
 
     params: dict[str, Any]
@@ -197,7 +197,7 @@ class Mission(Participant):
         self._changed = cast("SineParams", params)
 
     def calls(self) -> Mapping[str, Method]:
-        """Return the calls that send a joint somewhere, and that change a sine."""
+        """Return the calls that move a joint, and that get and set the parameters of a sine."""
         return {
             "set_target": Method(
                 self._targets.set_target,
@@ -214,7 +214,7 @@ class Mission(Participant):
         }
 
     def save(self) -> bytes | None:
-        """Return what calls have changed; None with a generator of one's own, which has no such.
+        """Return the changes that calls have made; None for a task of the user's own.
 
         None, too, while a call waits for its step.
         """
@@ -225,7 +225,7 @@ class Mission(Participant):
         return msgspec.msgpack.encode(saved)
 
     def restore(self, state: bytes) -> None:
-        """Take what `save` returned."""
+        """Restore the changes of calls from `save`."""
         saved = msgspec.msgpack.decode(state, type=_Saved)
         params = self._steering.restore(saved.params)
         self.generator = make_generator(self.config, params)
