@@ -4,20 +4,30 @@ import csv
 import io
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 from stepbus_participant import read_text, suggest
 from stepbus_schemas import WiringError
 
+_DERIVATIVES = ("velocity", "acceleration")
 _MOST_PROBLEMS = 10
 
 
-def read_table(path: Path, joints: Sequence[str]) -> dict[str, list[float]]:
-    """Return the columns `t` [s], increasing, and `<joint>` [rad] of a file, each of shape (k,).
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """times: increasing, shape (k,), k ≥ 2 [s]. columns: name → numbers, shape (k,)."""
 
-    k is at least 2. Raises WiringError that lists all mistakes of the header, or else of the rows,
-    each with file and line.
+    times: list[float]
+    columns: dict[str, list[float]]
+
+
+def read_table(path: Path, joints: Sequence[str]) -> Table:
+    """Return the columns `t`, `<joint>`, `<joint>_velocity` and `<joint>_acceleration` of a file.
+
+    Raises WiringError that lists all mistakes of the header, or else of the rows, each with file
+    and line.
     """
     try:
         reader = csv.reader(io.StringIO(read_text(path, "utf-8-sig")))
@@ -39,7 +49,7 @@ def read_table(path: Path, joints: Sequence[str]) -> dict[str, list[float]]:
         ]
     )
     columns = dict(zip(header, map(list, zip(*table, strict=True)), strict=True))
-    times = columns["t"]
+    times = columns.pop("t")
     later = pairwise(zip(times, [line for line, _ in rows], strict=True))
     _refuse(
         [f"{path}:{rows[0][0]}: t starts at {times[0]:g} s; it must be at least 0"]
@@ -50,17 +60,21 @@ def read_table(path: Path, joints: Sequence[str]) -> dict[str, list[float]]:
             if now <= before
         ]
     )
-    return columns
+    return Table(times=times, columns=columns)
 
 
 def _header_problems(header: Sequence[str], joints: Sequence[str]) -> Iterator[str]:
     known = ["t", *joints]
+    known += [f"{joint}_{quantity}" for joint in joints for quantity in _DERIVATIVES]
     different = dict.fromkeys(header)
     yield from (f"column {n!r} is unknown{suggest(n, known)}" for n in different if n not in known)
-    yield from (f"column {name!r} is missing" for name in known if name not in header)
+    yield from (f"column {name!r} is missing" for name in ("t", *joints) if name not in header)
     for name in different:
         if header.count(name) > 1:
             yield f"column {name!r} occurs {header.count(name)} times"
+    for joint in joints:
+        if f"{joint}_acceleration" in header and f"{joint}_velocity" not in header:
+            yield f"column '{joint}_acceleration' needs '{joint}_velocity' too"
 
 
 def _row_problems(

@@ -5,16 +5,29 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Protocol
 
-from stepbus_mission.csv_table import read_table
-from stepbus_mission.params import SineParams, StepParams, TableParams, WaypointParams
-from stepbus_mission.polynomials import PiecewisePolynomial, at_rest, natural_spline, quintic
+from stepbus_mission.csv_table import Table, read_table
+from stepbus_mission.params import (
+    SineParams,
+    StepParams,
+    TableParams,
+    WaypointParams,
+    time_of,
+)
+from stepbus_mission.polynomials import (
+    PiecewisePolynomial,
+    Polynomial,
+    at_rest,
+    cubic,
+    natural_spline_velocities,
+    quintic,
+)
 from stepbus_schemas import JointReference
 
 
 class Generator(Protocol):
     """The interface of a reference generator, built-in or your own.
 
-    The constructor takes the joints and the parameters: the mission's, or an instance of
+    The constructor takes the joints and the parameters: those of the mission, or an instance of
     its own class `Params`. A generator that ends has an attribute `duration` [s]; after that, the
     reference is at rest.
     """
@@ -83,7 +96,9 @@ class StepChange:
 
 def waypoints(joints: Sequence[str], params: WaypointParams) -> PiecewisePolynomial:
     """Return a path from waypoint to waypoint with minimum jerk, coming to rest at each."""
-    times = [row.time for row in params.waypoints]
+    times: list[float] = []
+    for row in params.waypoints:
+        times.append(time_of(row, times[-1] if times else 0.0))
     positions = [row.position.of(joints) for row in params.waypoints]
     polynomials = [
         [
@@ -96,15 +111,34 @@ def waypoints(joints: Sequence[str], params: WaypointParams) -> PiecewisePolynom
 
 
 def csv_trajectory(joints: Sequence[str], params: TableParams) -> PiecewisePolynomial:
-    """Return a natural cubic spline through the rows of a CSV file.
+    """Return a path through the rows of a CSV file.
 
-    The published velocity and acceleration are its exact derivatives, and continuous.
+    A joint follows a polynomial between two rows, according to its columns: with position alone, a
+    natural cubic spline (velocity and acceleration continuous); with velocity, cubic Hermite
+    (velocity continuous); with both derivatives, quintic Hermite (acceleration continuous). The
+    published velocity and acceleration are its exact derivatives.
     """
     table = read_table(params.file, joints)
-    times, positions = table["t"], [table[joint] for joint in joints]
-    splines = [natural_spline(times, row) for row in positions]
-    first, last = ([row[end] for row in positions] for end in (0, -1))
-    return PiecewisePolynomial(times, splines, first, last)
+    return PiecewisePolynomial(
+        table.times,
+        [_segments(table, joint) for joint in joints],
+        [table.columns[joint][0] for joint in joints],
+        [table.columns[joint][-1] for joint in joints],
+    )
+
+
+def _segments(table: Table, joint: str) -> list[Polynomial]:
+    """Return one joint's polynomials, one per pair of consecutive rows."""
+    times, positions = table.times, table.columns[joint]
+    velocities = table.columns.get(f"{joint}_velocity")
+    accelerations = table.columns.get(f"{joint}_acceleration")
+    steps = [b - a for a, b in pairwise(times)]
+    if velocities is not None and accelerations is not None:
+        full = pairwise(zip(positions, velocities, accelerations, strict=True))
+        return [quintic(start, end, h) for (start, end), h in zip(full, steps, strict=True)]
+    velocities = velocities or natural_spline_velocities(times, positions)
+    knots = pairwise(zip(positions, velocities, strict=True))
+    return [cubic(start, end, h) for (start, end), h in zip(knots, steps, strict=True)]
 
 
 TASKS: Mapping[str, Callable[[Sequence[str], Any], Generator]] = {
@@ -113,9 +147,12 @@ TASKS: Mapping[str, Callable[[Sequence[str], Any], Generator]] = {
     "step": StepChange,
     "waypoints": waypoints,
 }
-"""Value of `task` in the scenario → factory of its generator."""
-STEERED = {"amplitude": "rad", "omega": "rad/s", "phase": "rad", "offset": "rad"}
-"""The parameters of a sine that calls can set, with their units."""
+"""Value of `task` in the scenario → what makes its generator."""
+STEERED: Mapping[str, Mapping[str, str]] = {
+    "sine": {"amplitude": "rad", "omega": "rad/s", "phase": "rad", "offset": "rad"},
+    "step": {"target": "rad", "initial": "rad", "time": "s"},
+}
+"""Task → its parameters that calls can set, with their units."""
 
 
 def duration_of(generator: Generator) -> float:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import chain
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -75,8 +75,8 @@ class Targets:
     def set_target(self, joint: str, position: float | str, duration_s: float = 0.0) -> None:
         """Send a joint to a position [rad], with minimum jerk over a time [s]; 0: at once.
 
-        position: a number, or degrees such as `30deg`. Raises CallError for an unknown joint
-        or an invalid number.
+        position: a number, or degrees such as `30deg`. Raises CallError for an unknown joint, or
+        what is no number.
         """
         index, angle = self._index(joint), _radians(position)
         numbers = [n for n in (angle, duration_s) if isinstance(n, int | float)]
@@ -99,7 +99,7 @@ class Targets:
         return self._joints.index(joint)
 
     def apply(self, t: float, task: JointReference) -> JointReference:
-        """Return the reference at a time [s]; task: the reference of the task."""
+        """Return the reference of a time [s]; task: that of the task."""
         state, target = self.state, task
         for indices, position, duration_s in self.pending:
             for index in indices:
@@ -127,7 +127,7 @@ class Targets:
 class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     """The state of a mission at a checkpoint.
 
-    params: including the values that calls have set. shift: of `Sine`. targets: of `Targets`.
+    params: with those that calls have set. shift: of `Sine`. targets: of `Targets`.
     """
 
     params: dict[str, Any]
@@ -141,7 +141,7 @@ class Mission(Participant):
 
     Outputs: one JointReference/1 and, optionally, one Event/1 that reports the start and the end.
     Ports can have any name. There are no inputs. Calls move a joint to a position and set
-    parameters of a sine; a change of `omega` keeps its phase continuous.
+    parameters of the task; a change of `omega` keeps the phase of the sine continuous.
     """
 
     def __init__(self, config: Config) -> None:
@@ -156,10 +156,9 @@ class Mission(Participant):
         self._end_when_done = params.end_when_done
         self._task = params.task
         self.generator = make_generator(config, params)
-        self._changed: SineParams | None = None
+        self._changed: Params | None = None
         self._targets = Targets(self._joints)
-        steered = STEERED if params.task == "sine" else {}
-        self._steering = Steering(config, Params, steered, self._change)
+        self._steering = Steering(config, Params, STEERED.get(params.task, {}), self._change)
         duration = duration_of(self.generator)
         self._done_ns = math.inf if math.isinf(duration) else round(duration * 1e9)
         self._is_done = False
@@ -189,15 +188,19 @@ class Mission(Participant):
     def _reference(self, t: float) -> JointReference:
         """Return the reference of a time [s]; calls take effect here."""
         if self._changed is not None:
-            sine, params, self._changed = cast("Sine", self.generator), self._changed, None
-            self.generator = sine.changed(params.joints, params, t)
+            params, self._changed = self._changed, None
+            if isinstance(self.generator, Sine) and isinstance(params, SineParams):
+                self.generator = self.generator.changed(params.joints, params, t)
+            else:
+                self.generator = make_generator(self.config, params)
         return self._targets.apply(t, self.generator.at(t))
 
     def _change(self, params: Params) -> None:
-        self._changed = cast("SineParams", params)
+        make_generator(self.config, params)
+        self._changed = params
 
     def calls(self) -> Mapping[str, Method]:
-        """Return the calls that move a joint, and that get and set the parameters of a sine."""
+        """Return the calls that send a joint somewhere, and that set what the task has."""
         return {
             "set_target": Method(
                 self._targets.set_target,
@@ -214,7 +217,7 @@ class Mission(Participant):
         }
 
     def save(self) -> bytes | None:
-        """Return the changes that calls have made; None for a task of the user's own.
+        """Return what calls have changed; None with a generator of one's own, which has no such.
 
         None, too, while a call waits for its step.
         """
@@ -225,7 +228,7 @@ class Mission(Participant):
         return msgspec.msgpack.encode(saved)
 
     def restore(self, state: bytes) -> None:
-        """Restore the changes of calls from `save`."""
+        """Take what `save` returned."""
         saved = msgspec.msgpack.decode(state, type=_Saved)
         params = self._steering.restore(saved.params)
         self.generator = make_generator(self.config, params)

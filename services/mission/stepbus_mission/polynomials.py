@@ -90,12 +90,23 @@ def quintic(start: Knot, end: Knot, h: float) -> Polynomial:
     )
 
 
-def natural_spline(times: Sequence[float], positions: Sequence[float]) -> list[Polynomial]:
-    """Return the polynomials of order 3 of the natural spline through knots, shape (k − 1,).
+def cubic(start: tuple[float, float], end: tuple[float, float], h: float) -> Polynomial:
+    """Return the polynomial of order 3 between two positions with given velocities.
 
-    times [s] and positions [rad] of the knots, shape (k,), k ≥ 2. Velocity and acceleration are
-    continuous; the acceleration is zero at both ends (de Boor, A Practical Guide to Splines, 1978,
-    chapter IV). The tridiagonal system is solved by forward elimination and back substitution.
+    start, end: position and velocity [rad, rad/s]. h: time between them [s].
+    """
+    p, v = start
+    dp = end[0] - (p + v * h)
+    dv = (end[1] - v) * h
+    return (p, v, (3.0 * dp - dv) / h**2, (dv - 2.0 * dp) / h**3)
+
+
+def natural_spline_velocities(times: Sequence[float], positions: Sequence[float]) -> list[float]:
+    """Return the velocities at the knots of the natural cubic spline, shape (k,) [rad/s].
+
+    times [s] and positions [rad] of the knots, shape (k,), k ≥ 2. The spline has a continuous
+    acceleration that is zero at both ends (de Boor, A Practical Guide to Splines, 1978, chapter
+    IV); the tridiagonal system is solved by forward elimination and back substitution.
     """
     steps = [b - a for a, b in pairwise(times)]
     slopes = [(b - a) / h for (a, b), h in zip(pairwise(positions), steps, strict=True)]
@@ -111,12 +122,4 @@ def natural_spline(times: Sequence[float], positions: Sequence[float]) -> list[P
     for u, r in zip(reversed(upper), reversed(right), strict=True):
         velocity = r - u * velocity
         velocities.append(velocity)
-    velocities.reverse()
-    polynomials: list[Polynomial] = []
-    for k, h in enumerate(steps):
-        dp = positions[k + 1] - (positions[k] + velocities[k] * h)
-        dv = (velocities[k + 1] - velocities[k]) * h
-        polynomials.append(
-            (positions[k], velocities[k], (3.0 * dp - dv) / h**2, (dv - 2.0 * dp) / h**3)
-        )
-    return polynomials
+    return velocities[::-1]

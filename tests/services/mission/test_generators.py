@@ -17,9 +17,9 @@ def at(t: float, **params: object) -> JointReference:
 
 
 WAYPOINTS = [
-    {"time": 0, "position": [0, 1]},
+    {"position": [0, 1]},
     {"time": 2, "position": {"b": 0, "a": 1}},
-    {"time": 3, "position": [1, -1]},
+    {"duration": 1, "position": [1, -1]},
 ]
 TASKS = {
     "sine": {"amplitude": [1, 2], "omega": 3, "phase": {"a": 0, "b": 1}, "offset": 0.5},

@@ -9,7 +9,7 @@ from stepbus_schemas import Event, RunError, WiringError
 MOVE = {
     "task": "waypoints",
     "joints": ["a", "b"],
-    "waypoints": [{"time": 0, "position": [0, 0]}, {"time": 0.01, "position": [1, 2]}],
+    "waypoints": [{"position": [0, 0]}, {"duration": 0.01, "position": [1, 2]}],
 }
 
 
@@ -48,12 +48,19 @@ def test_every_mistake_in_the_params_is_listed() -> None:
     assert keys == ["joints", "end_when_done", "phase", "omga"]
 
 
+WAYPOINTS = [
+    {"duration": 1, "position": [0, 0]},
+    {"position": [0, 0]},
+    {"time": 1, "position": [0]},
+    {"time": 0, "position": [0, 0]},
+]
+
+
 def test_every_mistake_in_the_waypoints_is_listed() -> None:
-    waypoints = [{"time": 1, "position": [0]}, {"time": 1, "position": [0, 0]}]
     with pytest.raises(WiringError) as caught:
-        Mission(mission_config(**{**MOVE, "waypoints": waypoints}))
+        Mission(mission_config(**{**MOVE, "waypoints": WAYPOINTS}))
     keys = [row.split("waypoints")[1].split(":")[0] for row in str(caught.value).splitlines()]
-    assert keys == ["[0].position", "[1].time"]
+    assert keys == ["[0]", "[1]", "[2].position", "[3].time"]
 
 
 @pytest.mark.parametrize(
@@ -69,13 +76,10 @@ def test_every_mistake_in_the_waypoints_is_listed() -> None:
         ({"task": "step", "joints": ["a"]}, "the key 'target' is missing"),
         ({"task": "csv", "joints": ["a"], "file": "none.csv"}, "file 'none.csv' not found"),
         (
-            {**MOVE, "waypoints": [{"time": 0, "position": 0}]},
+            {**MOVE, "waypoints": [{"position": 0}]},
             "waypoints: has 1 waypoint; it needs at least two",
         ),
-        (
-            {**MOVE, "waypoints": [{"time": 0, "positon": 0}]},
-            r"\[0\]: the key 'position' is missing",
-        ),
+        ({**MOVE, "waypoints": [{"positon": 0}]}, r"\[0\]: the key 'position' is missing"),
         ({**MOVE, "waypoints": "all"}, "waypoints: must be a list, not 'all'"),
     ],
 )
