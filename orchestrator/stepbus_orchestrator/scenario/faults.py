@@ -5,7 +5,6 @@ import random
 import re
 from collections.abc import Iterable, Sequence
 
-from stepbus_orchestrator.errors import argument
 from stepbus_participant import format_duration, parse_duration, suggest
 from stepbus_participant.parameters import Keys, Place, YamlFile
 from stepbus_schemas import WiringError
@@ -36,7 +35,7 @@ def add_faults(document: YamlFile, faults: Sequence[str]) -> YamlFile:
         return document
     first = len(own or [])
     places: dict[Keys, Place] = {
-        ("faults", first + i): Place(file=argument("--fault", "faults", text), line=0)
+        ("faults", first + i): Place(file=f"--fault {text}", line=0)
         for i, text in enumerate(faults)
     }
     data = {**document.data, "faults": [*(own or []), *faults]}

@@ -43,7 +43,7 @@ def test_a_fault_is_read_and_written_in_one_form(written, read):
 def test_a_fault_that_cannot_be_says_why(written, sentence):
     with pytest.raises(ScenarioError) as caught:
         texts(written)
-    assert f'faults=["{written}"]: faults[0]: {sentence}' in str(caught.value)
+    assert f"--fault {written}: faults[0]: {sentence}" in str(caught.value)
 
 
 def test_a_message_fault_at_a_step_without_a_message_is_refused():
