@@ -8,7 +8,6 @@ names and values of the exact vectors, which you write: `minimal`, with the requ
 """
 
 import json
-import math
 import struct
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -29,7 +28,6 @@ NOTATION = (
     "Paths: `$` is the whole message, `[...]` stands for any key of a map."
 )
 
-_SAFE_INTEGER = 2**53 - 1
 _pack = msgspec.msgpack.Encoder().encode
 
 
@@ -118,8 +116,7 @@ def line_by_line(value: Any, depth: int) -> str:
 
 def vector_row(name: str, value: Any, data: bytes | None = None) -> dict[str, Any]:
     """Return a vector; data: what stands for the value, where our encoder would not write it."""
-    packed = msgspec.msgpack.encode(value) if data is None else data
-    return {"name": name, "value": notation(value), "hex": packed.hex()}
+    return {"name": name, "value": notation(value), "hex": (data or _pack(value)).hex()}
 
 
 def notation(value: Any) -> Any:
@@ -130,8 +127,8 @@ def notation(value: Any) -> Any:
         return [notation(item) for item in value]
     if isinstance(value, bytes):
         return {"$bin": value.hex()}
-    if isinstance(value, float) and not (math.isfinite(value) and str(value) != "-0.0"):
+    if isinstance(value, float) and str(value) in {"nan", "inf", "-inf", "-0.0"}:
         return {"$float": str(value)}
-    if isinstance(value, int) and abs(value) > _SAFE_INTEGER:
+    if isinstance(value, int) and abs(value) >= 2**53:
         return {"$int": str(value)}
     return value
