@@ -1,6 +1,5 @@
 """Packages of Python: imported when they are first used, their versions, how to install them."""
 
-import json
 import os
 import re
 import sys
@@ -51,25 +50,9 @@ class ExtraMissing(WiringError, ImportError):
 
 
 def install_command(extra: str) -> str:
-    """Return the command that installs an extra from where stepbus was installed from.
-
-    That is a clone, a file, an address or an index; a clone where it is not installed at all.
-    """
-    # They take longer to load than all else here, and only a hint needs them.
-    from importlib.metadata import PackageNotFoundError, distribution  # noqa: PLC0415
-    from urllib.parse import unquote, urlparse  # noqa: PLC0415
-
-    try:
-        text = distribution("stepbus").read_text("direct_url.json")
-    except PackageNotFoundError:
-        return f"pip install '.[{extra}]'"
-    source = json.loads(text or "{}")
-    address = source.get("url", "")
-    url = urlparse(address)
-    if url.scheme != "file":
-        return f"pip install 'stepbus[{extra}]{f' @ {address}' if address else ''}'"
-    edited = "-e " if source.get("dir_info", {}).get("editable", False) else ""
-    return f"pip install {edited}'{unquote(url.path)}[{extra}]'"
+    """Return the command that installs an extra of the installed stepbus."""
+    # pip keeps an installed stepbus, be it from a clone, a file or an index, and adds the extra.
+    return f"pip install 'stepbus[{extra}]'"
 
 
 def extra_hint(module: str) -> str:
