@@ -55,7 +55,7 @@ class OutputExists(WiringError, FileExistsError):
 
 
 def indented(text: str) -> str:
-    """Return foreign text, none of whose lines can be taken for a sentence of ours."""
+    """Return foreign text with its further lines indented, so that none passes for our message."""
     return "\n    ".join(text.splitlines())
 
 

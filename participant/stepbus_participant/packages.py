@@ -56,7 +56,7 @@ def install_command(extra: str) -> str:
 
 
 def extra_hint(module: str) -> str:
-    """Return `; pip install …` for a module, package or scenario that we know; else nothing."""
+    """Return `; pip install …` for a module, package or scenario of an extra; else nothing."""
     top = re.split("[. ]", module, maxsplit=1)[0]
     extra = next((extra for extra, modules in EXTRAS.items() if top in modules), "")
     if extra == "robots":
@@ -65,7 +65,7 @@ def extra_hint(module: str) -> str:
 
 
 def import_error_hint(text: str) -> str:
-    """Return the same for the text of an ImportError, such as `No module named 'pybullet'`."""
+    """Return the hint for the text of an ImportError, `No module named 'pybullet'`; or nothing."""
     match = _MISSING.search(text)
     return extra_hint(match[1]) if match else ""
 
@@ -87,7 +87,7 @@ def need(who: str, *modules: str) -> tuple[Any, ...]:
 
 
 def lacks(who: str, *modules: str) -> str:
-    """Return the sentence that modules are not installed, and how to install them."""
+    """Return the error message for modules that are not installed, with the command that helps."""
     verb = "is" if len(modules) == 1 else "are"
     hint = extra_hint(modules[0])
     return f"{who} needs {' and '.join(modules)}, which {verb} not installed{hint}"

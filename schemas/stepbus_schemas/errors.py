@@ -43,7 +43,7 @@ def valid_unicode(text: str) -> str:
 
 
 def error_text(exc: BaseException) -> str:
-    """Return what an exception of the user's says, such as `ValueError: the knee`."""
+    """Return type and text of an exception of the user's, such as `ValueError: the knee`."""
     text, name = text_of(exc), type(exc).__name__
     return f"{name}: {text}" if text else name
 
@@ -73,5 +73,5 @@ def listed(words: Sequence[object]) -> str:
 
 
 def wrong_word(value: object, words: Sequence[object]) -> str:
-    """Return why a value is none of some words: `must be a, b or c, not 'd'`."""
+    """Return the error message for a value that is no allowed word: `must be a or b, not 'd'`."""
     return f"must be {listed(words)}, not {value!r}{nearest(value, words)}"

@@ -24,7 +24,7 @@ _HELP = (
 
 
 def add_faults(document: YamlFile, faults: Sequence[str]) -> YamlFile:
-    """Return a scenario with the faults of `--fault` behind its own."""
+    """Return a scenario document with the faults of `--fault` appended to its own."""
     own = document.data.get("faults")
     if not (own is None or isinstance(own, list)):
         return document
@@ -48,7 +48,7 @@ def parse_fault(text: str, scenario: Scenario) -> FaultSpec:
 
 
 def read_fault(text: str) -> FaultSpec:
-    """Return the fault that a text names, of whatever run; raises WiringError for another text."""
+    """Return the fault that a text names, unchecked; raises WiringError for any other text."""
     one = _FORM.fullmatch(" ".join(text.split()))
     if one is None:
         raise WiringError(f"{text!r}: not a fault; {_HELP}")
