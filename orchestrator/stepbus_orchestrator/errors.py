@@ -19,8 +19,6 @@ WiringError
    └─ ScenarioError                    lists every problem of a scenario, one a line
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import IntEnum
 
 from stepbus_participant import SettingsError
@@ -46,31 +44,6 @@ class ExitCode(IntEnum):
     INTERRUPTED = 130
 
 
-_edge = {"is_command_line": False}
-
-
-@contextmanager
-def command_line() -> Iterator[None]:
-    """Name the options of the command line in errors, not the parameters in Python."""
-    before = _edge["is_command_line"]
-    _edge["is_command_line"] = True
-    try:
-        yield
-    finally:
-        _edge["is_command_line"] = before
-
-
-def argument(option: str, parameter: str = "", value: str = "") -> str:
-    """Return what the caller knows an argument by: `--out`, or `out` from Python.
-
-    parameter: where it has another name in Python. value: one that was given, or may be.
-    """
-    if _edge["is_command_line"]:
-        return f"{option} {value}" if value else option
-    name = parameter or option.lstrip("-").replace("-", "_")
-    return f'{name}=["{value}"]' if value else f"`{name}`"
-
-
 class ScenarioError(SettingsError):
     """A scenario is invalid; `problems` lists every reason, and the text has one per line."""
 
@@ -82,7 +55,7 @@ class OutputExists(WiringError, FileExistsError):
 
 
 def indented(text: str) -> str:
-    """Return foreign text, none of whose lines can be taken for a sentence of ours."""
+    """Return foreign text with its further lines indented, so that none passes for our message."""
     return "\n    ".join(text.splitlines())
 
 

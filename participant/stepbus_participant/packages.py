@@ -1,6 +1,5 @@
 """Packages of Python: imported when they are first used, their versions, how to install them."""
 
-import json
 import os
 import re
 import sys
@@ -51,29 +50,13 @@ class ExtraMissing(WiringError, ImportError):
 
 
 def install_command(extra: str) -> str:
-    """Return the command that installs an extra from where stepbus was installed from.
-
-    That is a clone, a file, an address or an index; a clone where it is not installed at all.
-    """
-    # They take longer to load than all else here, and only a hint needs them.
-    from importlib.metadata import PackageNotFoundError, distribution  # noqa: PLC0415
-    from urllib.parse import unquote, urlparse  # noqa: PLC0415
-
-    try:
-        text = distribution("stepbus").read_text("direct_url.json")
-    except PackageNotFoundError:
-        return f"pip install '.[{extra}]'"
-    source = json.loads(text or "{}")
-    address = source.get("url", "")
-    url = urlparse(address)
-    if url.scheme != "file":
-        return f"pip install 'stepbus[{extra}]{f' @ {address}' if address else ''}'"
-    edited = "-e " if source.get("dir_info", {}).get("editable", False) else ""
-    return f"pip install {edited}'{unquote(url.path)}[{extra}]'"
+    """Return the command that installs an extra of the installed stepbus."""
+    # pip keeps an installed stepbus, be it from a clone, a file or an index, and adds the extra.
+    return f"pip install 'stepbus[{extra}]'"
 
 
 def extra_hint(module: str) -> str:
-    """Return `; pip install …` for a module, package or scenario that we know; else nothing."""
+    """Return `; pip install …` for a module, package or scenario of an extra; else nothing."""
     top = re.split("[. ]", module, maxsplit=1)[0]
     extra = next((extra for extra, modules in EXTRAS.items() if top in modules), "")
     if extra == "robots":
@@ -82,7 +65,7 @@ def extra_hint(module: str) -> str:
 
 
 def import_error_hint(text: str) -> str:
-    """Return the same for the text of an ImportError, such as `No module named 'pybullet'`."""
+    """Return the hint for the text of an ImportError, `No module named 'pybullet'`; or nothing."""
     match = _MISSING.search(text)
     return extra_hint(match[1]) if match else ""
 
@@ -104,7 +87,7 @@ def need(who: str, *modules: str) -> tuple[Any, ...]:
 
 
 def lacks(who: str, *modules: str) -> str:
-    """Return the sentence that modules are not installed, and how to install them."""
+    """Return the error message for modules that are not installed, with the command that helps."""
     verb = "is" if len(modules) == 1 else "are"
     hint = extra_hint(modules[0])
     return f"{who} needs {' and '.join(modules)}, which {verb} not installed{hint}"

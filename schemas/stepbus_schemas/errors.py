@@ -25,8 +25,7 @@ class RunError(StepbusError, RuntimeError):
     """A run, or a participant in it, failed."""
 
 
-_MOST_COMPARED, _MOST_SHOWN, _LONGEST = 1000, 40, 100
-_PAIR, _MOST_MEANT = 2, 3
+_MOST_SHOWN, _LONGEST = 40, 100
 
 
 def text_of(value: object) -> str:
@@ -44,25 +43,18 @@ def valid_unicode(text: str) -> str:
 
 
 def error_text(exc: BaseException) -> str:
-    """Return what an exception of the user's says, such as `ValueError: the knee`."""
+    """Return type and text of an exception of the user's, such as `ValueError: the knee`."""
     text, name = text_of(exc), type(exc).__name__
     return f"{name}: {text}" if text else name
 
 
 def nearest(name: object, known: Iterable[object]) -> str:
     """Return `; did you mean 'x'?`, or nothing where none of the known names is near."""
-    # To compare takes time with the length of each, and with their number.
-    short = [one for one in list(map(str, known))[:_MOST_COMPARED] if len(one) <= _LONGEST]
-    word = str(name)[:_LONGEST].casefold()
-    folded = {one.casefold(): one for one in reversed(short)}
     import difflib  # noqa: PLC0415  (only a mistake needs it)
 
-    near = difflib.get_close_matches(word, folded, n=1)
-    if not near and len(word) == _PAIR:
-        # One letter of two is too little for difflib, and kq for kp the usual slip.
-        near = [one for one in reversed(folded) if len(one) == _PAIR and set(one) & set(word)]
-    meant = [repr(folded[one]) for one in near[:_MOST_MEANT]]
-    return f"; did you mean {listed(meant)}?" if meant else ""
+    folded = {one.casefold(): one for one in reversed(list(map(str, known)))}
+    near = difflib.get_close_matches(str(name)[:_LONGEST].casefold(), folded, n=1)
+    return f"; did you mean {folded[near[0]]!r}?" if near else ""
 
 
 def suggest(name: object, known: Iterable[object]) -> str:
@@ -81,5 +73,5 @@ def listed(words: Sequence[object]) -> str:
 
 
 def wrong_word(value: object, words: Sequence[object]) -> str:
-    """Return why a value is none of some words: `must be a, b or c, not 'd'`."""
+    """Return the error message for a value that is no allowed word: `must be a or b, not 'd'`."""
     return f"must be {listed(words)}, not {value!r}{nearest(value, words)}"

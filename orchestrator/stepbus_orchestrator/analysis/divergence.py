@@ -17,7 +17,6 @@ from stepbus_orchestrator.analysis.tolerance import (
     differences,
     short,
 )
-from stepbus_orchestrator.errors import argument
 from stepbus_schemas import SHIPPED, Decoder, MessageError, Types, WiringError, json_schema
 
 _INDEX = re.compile(r"\[(\d+)\]")
@@ -49,8 +48,8 @@ class Divergence(msgspec.Struct, frozen=True, kw_only=True):
         """Return the divergence in words, without the step."""
         match self.type:
             case "encoding":
-                option = argument(f"--abs {self.topic}=0", "tolerance")
-                what = f"same values, different bytes; use {option} to compare values"
+                what = "same values, different bytes; to compare values, use "
+                what += f"--abs {self.topic}=0"
             case "missing":
                 what = f"the {first} has a message, the {second} has none"
             case "added":

@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from stepbus_orchestrator.errors import RecordingFailed, argument
+from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.run.extensions.delays import Delays
 from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.inprocess.local_run import check_scenario
@@ -143,7 +143,7 @@ def verify(
             make_new_folder(folder)
     except OSError as exc:
         raise RecordingFailed(
-            f"cannot create folder {out}: {exc.strerror}; choose a new one with {argument('--out')}"
+            f"cannot create folder {out}: {exc.strerror}; choose a new one with --out"
         ) from exc
     verification = Verification(results=(), folder=folder)
     try:

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.errors import ExitCode, RunFailure, command_line
+from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import CommandBroken
 from stepbus_orchestrator.processes.warm import warm_parent
 from stepbus_participant import extra_hint
@@ -52,7 +52,6 @@ def _executed(arguments: Sequence[str], loaded: Callable[[], None]) -> int:
     loaded()
     if command.is_run:
         hurry()
-    with command_line():
-        answer = work(command)
-        is_json: bool = getattr(command, "json", False)
-        return answer.show(as_json=is_json) if isinstance(answer, Answer) else int(answer)
+    answer = work(command)
+    is_json: bool = getattr(command, "json", False)
+    return answer.show(as_json=is_json) if isinstance(answer, Answer) else int(answer)

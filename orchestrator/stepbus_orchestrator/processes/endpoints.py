@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stepbus_orchestrator.errors import BusFailed, argument
+from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.scenario.model import Scenario, low_latency
 from stepbus_participant import Endpoint
 
@@ -133,8 +133,7 @@ def _unix(folder: Path, index: int) -> str:
     if len(str(path).encode()) > _SOCKET_PATH_BYTES:
         raise BusFailed(
             f"{path}: the path of a Unix socket has at most {_SOCKET_PATH_BYTES} bytes; "
-            "set TMPDIR to a shorter folder or use "
-            f"{argument('--set', value='bus.transport=tcp')}"
+            "set TMPDIR to a shorter folder or use --set bus.transport=tcp"
         )
     return f"{_UNIX}{path}"
 

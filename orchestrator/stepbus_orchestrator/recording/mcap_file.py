@@ -14,7 +14,7 @@ from isal.isal_zlib import crc32, crc32_combine
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
-from stepbus_orchestrator.errors import RecordingFailed, argument
+from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, Encoded, encode_chunk
 from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END, bytes_of
@@ -312,7 +312,7 @@ def _failure(path: Path, exc: OSError | MemoryError) -> RecordingFailed:
     remedy = (
         "raise the file size limit (ulimit -f)"
         if exc.errno == errno.EFBIG
-        else f"free some disk space or choose another folder with {argument('--out')}"
+        else "free some disk space or choose another folder with --out"
     )
     return RecordingFailed(
         f"the recording {path} cannot be written: {exc.strerror or exc}; {remedy}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
+from stepbus_orchestrator.errors import OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chains import Holes
 from stepbus_orchestrator.recording.mcap_file import McapFile, whole_file
@@ -64,14 +64,12 @@ def recover(source: Path, target: Path, *, in_place: bool = False, disk: Disk = 
     if irregular(target):
         raise RecordingFailed(f"{target} is not a regular file; choose another name")
     if target.exists() and not in_place:
-        raise OutputExists(
-            f"{target} already exists; choose another name with {argument('--out', 'target')}"
-        )
+        raise OutputExists(f"{target} already exists; choose another name with --out")
     with contextlib.closing(Source(source, scans=True)) as opened:
         if in_place and opened.is_live:
             raise RecordingFailed(
                 f"{source} is still being written; wait until its run has ended, or write what it "
-                f"has so far to another file with {argument('--out', 'target')}"
+                "has so far to another file with --out"
             )
         scanner, index = opened.scanner, opened.index
         if scanner is None or index.header is None:

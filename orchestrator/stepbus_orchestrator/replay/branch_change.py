@@ -6,7 +6,7 @@ import re
 import shlex
 from collections.abc import Sequence
 
-from stepbus_orchestrator.errors import RecordingFailed, argument
+from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import (
     PROGRAM,
@@ -106,7 +106,7 @@ class Change:
     def call(self, text: str) -> CallRecord:
         """Return the call before `at` that a text such as `controller set kp 90` stands for."""
         words = shlex.split(text)
-        given = argument("--call", "calls", text)
+        given = f"--call {text}"
         if len(words) < 2:
             raise WiringError(f"{given}: write PARTICIPANT METHOD ARG…")
         name, method, *values = words

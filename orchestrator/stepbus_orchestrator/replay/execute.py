@@ -11,7 +11,7 @@ from typing import Any
 
 from stepbus_orchestrator.analysis.divergence import PortResult, fields_of, in_order
 from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
-from stepbus_orchestrator.errors import OutputExists, ParticipantFault, argument
+from stepbus_orchestrator.errors import OutputExists, ParticipantFault
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import (
     Recorder,
@@ -220,8 +220,7 @@ def replay(
         # The user may be working on another one.
         notes.append(
             "testing the copy in the recording, as its scenario is not in the current folder; give "
-            f"its folder with {argument('--source')}, or choose the copy with "
-            f"{argument('--recorded')}"
+            "its folder with --source, or choose the copy with --recorded"
         )
     return ReplayResult(
         recording=str(opened.path),
@@ -284,9 +283,7 @@ def _new_reference(target: Path | None, old: Recording, prepared: Prepared) -> I
         yield Sink({spec.name: spec.outputs for spec in order}, partly_recorded(order))
         return
     if irregular(target) or target.exists():
-        raise OutputExists(
-            f"{target} already exists; choose another name with {argument('--update')}"
-        )
+        raise OutputExists(f"{target} already exists; choose another name with --update")
     text, contents = old.attachments[layout.SCENARIO_ATTACHMENT], layout.files_of(old.attachments)
     if prepared.is_changed:
         text = resolved(scenario).encode()

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from stepbus_orchestrator.errors import Diverged, argument
+from stepbus_orchestrator.errors import Diverged
 from stepbus_orchestrator.recording import Recording, SavedState, layout
 from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.run.extension import RunView
@@ -22,7 +22,7 @@ _WHY = (
 )
 _WHY_RESTORED = (
     "it started from its checkpoint before step {step}; either the checkpoint lacks some "
-    "of its state, or it is not the recorded program; branch with {without}"
+    "of its state, or it is not the recorded program; branch with --no-checkpoints"
 )
 
 
@@ -107,7 +107,6 @@ class RecordedPrefix(Repetition):
             return
         why = _WHY
         if name in self.starts_at:
-            without = argument("--no-checkpoints", "checkpoints=False")
-            why = _WHY_RESTORED.format(without=without, step=self.starts_at[name])
+            why = _WHY_RESTORED.format(step=self.starts_at[name])
         when = at_step(step, self._step_ns)
         raise Diverged(f"{when}: {name} {what}; {why}", participant=name, step=step)

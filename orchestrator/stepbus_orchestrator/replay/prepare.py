@@ -9,7 +9,7 @@ from typing import Any
 from msgspec import structs, to_builtins
 
 from stepbus_orchestrator.analysis.tolerance import differences, short
-from stepbus_orchestrator.errors import RecordingFailed, argument
+from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import PROGRAM, check_whole, replayable_steps, rewired
 from stepbus_orchestrator.replay.sources import Sources
@@ -122,7 +122,7 @@ def _from_source(
         files=today_files,
         is_changed=bool(overrides or values),
         notes=[
-            *(argument("--set", value=text) for text in overrides),
+            *(f"--set {text}" for text in overrides),
             *_changed_files(recorded_files, read_files(today_files)),
             *values,
             *([unused] if kept else []),

@@ -7,7 +7,6 @@ from os import PathLike
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.diff import Diff, diff
-from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.layout import Source, recording_file
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
@@ -85,14 +84,14 @@ class Preparation:
         self._flaws = self._recording.flaws()
         self.notes = [f"the recording {flaw}" for flaw in self._flaws]
         if resolved(self.scenario).encode() != sources.scenario:
-            given = argument("--set", value=" ".join(overrides))
+            given = f"--set {' '.join(overrides)}"
             cause = given if overrides else "this version reads it differently"
             self.notes.append(f"the scenario differs from the recorded one: {cause}")
         if self.scenario.steps is None:
             self.notes.append(
                 f"the scenario has no duration, the recording has {recorded_end(self._recording)} "
                 "steps; if no participant ends the run, end it with Ctrl-C or give it one with "
-                f"{argument('--set', value='duration=…')}"
+                "--set duration=…"
             )
         self.notes += own_version_notes(self._recording)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, Protocol
 
-from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
+from stepbus_orchestrator.errors import OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.run.result import own_versions
@@ -86,8 +86,7 @@ class Sources:
             write_file(home / SCENARIO_ATTACHMENT, self.scenario)
         except OSError as exc:
             raise RecordingFailed(
-                f"{exc.filename or folder} cannot be written: {exc.strerror}; "
-                f"choose another {argument('--out')}"
+                f"{exc.filename or folder} cannot be written: {exc.strerror}; choose another --out"
             ) from exc
         return home / SCENARIO_ATTACHMENT
 
@@ -101,7 +100,7 @@ def _levels(name: str) -> int:
 def unpack_into(out: Path, sources: Sources) -> Path:
     """Write sources into the folder of a new run; raises OutputExists where it holds one."""
     if (out / "logs").exists() or (out / SOURCE_FOLDER).exists():
-        raise OutputExists(f"{out} already contains a run; choose another {argument('--out')}")
+        raise OutputExists(f"{out} already contains a run; choose another --out")
     return sources.unpack(out / SOURCE_FOLDER)
 
 

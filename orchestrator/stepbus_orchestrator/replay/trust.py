@@ -14,7 +14,6 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.replay.sources import Recorded, Sources
 from stepbus_orchestrator.run.result import RESULT_FILE
 from stepbus_orchestrator.scenario.extend import read_extended
@@ -53,7 +52,7 @@ def find_source(recording: Recorded, given: Path | None = None) -> Path | None:
     if len(matches) > 1:
         raise WiringError(
             f"several scenarios are named {name!r}: {', '.join(map(str, matches))}; choose with "
-            f"{argument('--source')}"
+            "--source"
         )
     if given is not None and not matches:
         raise WiringError(f"{given} has no scenario named {name!r}, as in the recording")

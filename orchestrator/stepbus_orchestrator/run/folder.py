@@ -10,7 +10,7 @@ from datetime import datetime
 from itertools import chain, count
 from pathlib import Path
 
-from stepbus_orchestrator.errors import OutputExists, RecordingFailed, RunFailure, argument
+from stepbus_orchestrator.errors import OutputExists, RecordingFailed, RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import WARNING, make_folder, make_new_folder, read_file
@@ -66,7 +66,7 @@ def claim(out: Path) -> None:
     except OSError as exc:
         raise RecordingFailed(f"cannot create folder {out}: {exc.strerror}") from exc
     if is_used:
-        raise OutputExists(f"{out} already contains a run; choose another {argument('--out')}")
+        raise OutputExists(f"{out} already contains a run; choose another --out")
 
 
 def read_files(paths: Mapping[str, Path]) -> dict[str, bytes]:

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import msgspec
 
-from stepbus_orchestrator.errors import BusFailed, argument, indented
+from stepbus_orchestrator.errors import BusFailed, indented
 from stepbus_orchestrator.run.kernel.admission import LOW_LATENCY_BYTES
 from stepbus_participant import BusError, Endpoint, ZenohBus, read_file, write_file
 from stepbus_schemas import (
@@ -118,7 +118,7 @@ def _pack(live: Live, request: CallRequest) -> bytes:
         raise WiringError(
             f"the call takes {len(data)} bytes, more than the {LOW_LATENCY_BYTES} that "
             "the run's low-latency transport can carry; start it with "
-            f"{argument('--set', value='bus.low_latency=false')}"
+            "--set bus.low_latency=false"
         )
     return data
 

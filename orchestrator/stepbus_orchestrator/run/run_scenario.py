@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed, RunFailure, argument
+from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed, RunFailure
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecorder, layout
 from stepbus_orchestrator.run.extension import Host, RunExtension, overriding
@@ -87,7 +87,7 @@ def run(
 
 _SHARED = (
     "{folder} is writable by every user of this machine, who could replace the run's "
-    "files; choose another {out}, or remove that permission: chmod o-w {folder}"
+    "files; choose another --out, or remove that permission: chmod o-w {folder}"
 )
 
 
@@ -119,7 +119,7 @@ class _Execution:
             timing = self._out / layout.TIMING_FILE
         self._timing = TimingRecorder(timing, host.clock, host.disk)
         if is_shared(self._out):
-            text = _SHARED.format(folder=options.out, out=argument("--out"))
+            text = _SHARED.format(folder=options.out)
             self._events.add_warning("orchestrator", text)
 
     def execute(self) -> Result:

@@ -9,7 +9,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.scenario.extend import each_text, without_replaced
 from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_orchestrator.scenario.scenario_files import is_file, is_in_environment
@@ -33,7 +32,7 @@ def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
     """
     data, places, problems = document.data, dict(document.places), list(document.own_problems)
     for setting in settings:
-        file = argument("--set", value=setting)
+        file = f"--set {setting}"
         try:
             keys, value = _parsed(data, setting, file)
             data = _replaced(data, (), keys, value)

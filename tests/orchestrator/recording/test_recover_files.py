@@ -33,7 +33,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path, name):
 def test_a_target_that_exists_is_not_touched(two_link_recording, tmp_path):
     target = tmp_path / "fixed.mcap"
     target.write_text("precious")
-    with pytest.raises(OutputExists, match="choose another name with `target`"):
+    with pytest.raises(OutputExists, match="choose another name with --out"):
         recover(two_link_recording, target)
     assert target.read_text() == "precious"
 

@@ -113,7 +113,7 @@ def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path)
 
 def test_a_changed_scenario_is_noted(two_link_recording, tmp_path):
     notes = Preparation(two_link_recording, tmp_path / "again", ["seed=3"]).notes
-    assert [note.endswith('recorded one: set=["seed=3"]') for note in notes] == [True]
+    assert [note.endswith("recorded one: --set seed=3") for note in notes] == [True]
 
 
 @pytest.mark.parametrize("name", ["..", "../a/../../evil", "/etc/evil", "a/../../evil", ""])
@@ -131,7 +131,7 @@ def test_a_recording_without_a_scenario_is_refused(tmp_path):
 
 
 def test_a_folder_that_holds_a_run_is_not_touched(two_link_recording):
-    with pytest.raises(OutputExists, match="choose another `out`"):
+    with pytest.raises(OutputExists, match="choose another --out"):
         Preparation(two_link_recording, two_link_recording.parent)
     assert not (two_link_recording.parent / "source").exists()
 

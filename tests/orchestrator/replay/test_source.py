@@ -93,7 +93,7 @@ def test_what_is_as_recorded_is_equal_and_says_what_was_tested(log):
 
 def test_a_setting_of_the_replay_is_a_change(log):
     result = replay(log, "controller", set=["controller.params.kp=250"])
-    assert (result.equal, list(result.changes)) == (False, ['set=["controller.params.kp=250"]'])
+    assert (result.equal, list(result.changes)) == (False, ["--set controller.params.kp=250"])
 
 
 def test_the_copy_is_tested_where_it_is_asked_for(project, log, capsys):
@@ -114,7 +114,7 @@ def test_a_replay_without_a_work_tree_says_that_it_tests_the_copy(project, log, 
 def test_two_scenarios_of_the_name_are_named(project, log):
     shutil.copy(project / "arm/scenario.yaml", project / "arm/other.yaml")
     with pytest.raises(
-        WiringError, match=r"several scenarios are named 'arm': .*choose with `source`"
+        WiringError, match=r"several scenarios are named 'arm': .*choose with --source"
     ):
         replay(log, "controller")
     assert replay(log, "controller", source=project / "arm/other.yaml").source == "other.yaml"

@@ -72,4 +72,4 @@ def test_a_module_is_not_imported_to_be_found(tmp_path):
 
 def test_the_program_of_a_setting_is_checked_too(tmp_path):
     problem = problem_of(tmp_path, TWO_LINK, "plant.exec=[nope]")
-    assert problem.startswith('set=["plant.exec=[nope]"]:')
+    assert problem.startswith("--set plant.exec=[nope]:")

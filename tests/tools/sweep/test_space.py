@@ -98,7 +98,7 @@ def test_latin_and_sobol_samples_fill_the_space() -> None:
     ("texts", "options", "sentence"),
     [
         (["a=1", "a=2"], {}, "a: on two axes"),
-        (["a~normal(0, 1)"], {}, "`samples`"),
+        (["a~normal(0, 1)"], {}, "--samples"),
         (["a=1"], {"samples": 3}, "no axis has a distribution"),
         (["seed=1,2"], {"repeats": 2}, "seed: use either"),
     ],

@@ -12,7 +12,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.errors import argument
 from stepbus_participant import SettingsError, need, suggest
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
@@ -276,13 +275,9 @@ def _check(axes: Sequence[Axis], samples: int, repeats: int) -> None:
         raise WiringError("seed: use either an axis or repeats, not both")
     is_drawn = any(axis.distribution is not None for axis in axes)
     if is_drawn and samples < 1:
-        raise WiringError(
-            f"a distribution needs {argument('--samples')}, the number of samples, e.g. 100"
-        )
+        raise WiringError("a distribution needs --samples, the number of samples, e.g. 100")
     if samples and not is_drawn:
-        raise WiringError(
-            f"samples: no axis has a distribution; for several seeds use {argument('--repeats')}"
-        )
+        raise WiringError("samples: no axis has a distribution; for several seeds use --repeats")
 
 
 def _points(count: int, width: int, sampling: str, seed: int) -> NDArray[np.float64]:

@@ -7,7 +7,6 @@ the same sequence everywhere.
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from stepbus_orchestrator.errors import argument
 from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.axes import Axis, Point
@@ -22,7 +21,7 @@ class Optimizer:
     """Asks Optuna for points, and tells it the metrics of their runs."""
 
     def __init__(self, plan: Plan) -> None:
-        (optuna,) = need(argument("--optimize"), "optuna")
+        (optuna,) = need("--optimize", "optuna")
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         spec = plan.spec
         self._study = optuna.create_study(
@@ -72,7 +71,7 @@ class Optimizer:
             known = self._first.metrics
             more = "" if self._metric in known else suggest(self._metric, known)
             raise WiringError(
-                f"{argument('--optimize')} {self._metric}: it is a number in no run{more}; they "
+                f"--optimize {self._metric}: it is a number in no run{more}; they "
                 f"have {', '.join(known)}"
             )
 

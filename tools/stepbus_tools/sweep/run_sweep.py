@@ -17,7 +17,6 @@ from stepbus_orchestrator.errors import (
     Interrupted,
     OutputExists,
     RecordingFailed,
-    argument,
 )
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_participant import append_to, make_folder, need
@@ -145,7 +144,7 @@ def _claim(plan: Plan, bundle: Bundle, home: Path) -> None:
         changes = ["a file of the scenario or a metric has changed"]
     if changes:
         raise OutputExists(
-            f"{home} contains another sweep: {'; '.join(changes)}; give another {argument('--out')}"
+            f"{home} contains another sweep: {'; '.join(changes)}; give another --out"
         )
 
 

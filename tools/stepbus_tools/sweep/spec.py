@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from stepbus_orchestrator.errors import RecordingFailed, ScenarioError, argument
+from stepbus_orchestrator.errors import RecordingFailed, ScenarioError
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import named_from
@@ -179,7 +179,7 @@ def _contradictions(spec: Spec, axes: Sequence[Axis | None]) -> Iterator[tuple[K
 def _optimizer_problems(spec: Spec, name: str) -> Iterator[tuple[Keys, str]]:
     """Yield (keys, message) of each problem of a sweep that optimises a metric."""
     if not spec.trials:
-        text = f"an optimizer needs a number of runs in {argument('--trials')}, e.g. 100"
+        text = "an optimizer needs a number of runs in --trials, e.g. 100"
         yield ("trials",), text
     usual = Spec(scenario="")
     for key in ("samples", "repeats", "sampling"):
@@ -188,8 +188,7 @@ def _optimizer_problems(spec: Spec, name: str) -> Iterator[tuple[Keys, str]]:
     # Metrics of the user's own are known later.
     if not (spec.metrics or name in BUILTIN or name.startswith("rmse.")):
         known = ", ".join([*BUILTIN, "rmse.JOINT"])
-        more = argument("--metric", "metrics", "FILE:FUNCTION")
-        text = f"{name}: unknown metric (built-in: {known}; your own: {more})"
+        text = f"{name}: unknown metric (built-in: {known}; your own: --metric FILE:FUNCTION)"
         yield ("optimize",), f"{text}{suggest(name, BUILTIN)}"
 
 

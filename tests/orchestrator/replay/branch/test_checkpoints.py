@@ -141,7 +141,7 @@ def test_a_state_that_leads_elsewhere_is_named(copy, tmp_path):
     assert found.result.exit_code == ExitCode.DIFFERENT
     assert "does not repeat the recording" in found.result.reason
     assert "its checkpoint before step 200" in found.result.reason
-    assert "`checkpoints=False`" in found.result.reason
+    assert "--no-checkpoints" in found.result.reason
 
 
 @pytest.mark.parametrize(

@@ -287,7 +287,7 @@ def test_what_else_runs_a_scenario_starts_everybody_itself(tmp_path):
 @pytest.mark.parametrize(
     ("options", "overrides", "sentence"),
     [
-        ({"host": InProcess()}, [], "omit `in_process`"),
+        ({"host": InProcess()}, [], "omit --in-process"),
         ({"extensions": [External(), Debug(["controller"])]}, [], "--no-deadline controller"),
         ({}, ["faults=['freeze controller at 7']"], "cannot signal a process"),
         ({"extensions": [External({"controler": Path("x")})]}, [], "did you mean 'controller'"),

@@ -56,7 +56,7 @@ def test_settings_of_the_scenario_itself_of_lists_and_of_maps_that_may_be_left_o
 )
 def test_a_setting_that_cannot_be_is_named(tmp_path, setting, message):
     problem = problem_of(tmp_path, TWO_LINK, setting)
-    assert problem.startswith(f'set=["{setting}"]: ')
+    assert problem.startswith(f"--set {setting}: ")
     assert message in problem
 
 
