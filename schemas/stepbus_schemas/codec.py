@@ -4,7 +4,7 @@ import ast
 import re
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar, cast, get_args, get_origin
 
 import msgspec
 
@@ -79,6 +79,23 @@ class Decoder(Generic[_T]):
     def error(self, exc: Exception) -> MessageError:
         """Return the MessageError of an exception that `plain` has raised."""
         return MessageError(f"not a {self._name}: {explained(exc, self._cls)}")
+
+
+def viewing(cls: type[_T]) -> type[_T]:
+    """Return a class that decodes the same, but whose bytes are views of what is decoded.
+
+    To check a large message, and to keep none of it, without a copy.
+    """
+    names = [field.name for field in msgspec.structs.fields(cls) if _is_bytes(field)]
+    views: Any = msgspec.defstruct(
+        cls.__name__, [(name, memoryview) for name in names], bases=(cls,), kw_only=True
+    )
+    return cast("type[_T]", views)
+
+
+def _is_bytes(field: msgspec.structs.FieldInfo) -> bool:
+    is_bare = get_origin(field.type) is not Annotated
+    return field.required and bytes is (field.type if is_bare else get_args(field.type)[0])
 
 
 def explained(exc: Exception, cls: Any = Any) -> str:

@@ -25,7 +25,8 @@ class RunError(StepbusError, RuntimeError):
     """A run, or a participant in it, failed."""
 
 
-_MOST_SHOWN, _LONGEST = 40, 100
+_MOST_COMPARED, _MOST_SHOWN, _LONGEST = 1000, 40, 100
+_PAIR, _MOST_MEANT = 2, 3
 
 
 def text_of(value: object) -> str:
@@ -50,11 +51,18 @@ def error_text(exc: BaseException) -> str:
 
 def nearest(name: object, known: Iterable[object]) -> str:
     """Return `; did you mean 'x'?`, or nothing where none of the known names is near."""
+    # To compare takes time with the length of each, and with their number.
+    short = [one for one in list(map(str, known))[:_MOST_COMPARED] if len(one) <= _LONGEST]
+    word = str(name)[:_LONGEST].casefold()
+    folded = {one.casefold(): one for one in reversed(short)}
     import difflib  # noqa: PLC0415  (only a mistake needs it)
 
-    folded = {one.casefold(): one for one in reversed(list(map(str, known)))}
-    near = difflib.get_close_matches(str(name)[:_LONGEST].casefold(), folded, n=1)
-    return f"; did you mean {folded[near[0]]!r}?" if near else ""
+    near = difflib.get_close_matches(word, folded, n=1)
+    if not near and len(word) == _PAIR:
+        # One letter of two is too little for difflib, and kq for kp the usual slip.
+        near = [one for one in reversed(folded) if len(one) == _PAIR and set(one) & set(word)]
+    meant = [repr(folded[one]) for one in near[:_MOST_MEANT]]
+    return f"; did you mean {listed(meant)}?" if meant else ""
 
 
 def suggest(name: object, known: Iterable[object]) -> str:

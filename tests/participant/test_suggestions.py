@@ -17,6 +17,12 @@ def test_of_many_names_some_are_listed():
     assert text.endswith(", port39 … (100000 in all)")
 
 
+def test_of_two_letters_one_may_be_wrong_or_both_swapped():
+    assert suggest("kq", ["law", "kp", "kd"]) == "; did you mean 'kp' or 'kd'?"
+    assert suggest("pk", ["law", "kp"]) == "; did you mean 'kp'?"
+    assert suggest("xy", ["law", "kp"]) == "; known: law, kp"
+
+
 def test_capital_letters_make_no_difference():
     assert suggest("KP", ["law", "kp"]) == "; did you mean 'kp'?"
     assert suggest("Duration", ["duration", "step"]) == "; did you mean 'duration'?"

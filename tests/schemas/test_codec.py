@@ -10,16 +10,20 @@ from support.messages.vectors import TYPES, messages
 from support.properties import examples
 
 from stepbus_schemas import (
+    MESSAGE_TYPES,
     SHIPPED,
     Decoder,
+    Image,
     JointCommand,
     JointState,
     MessageError,
     Trigger,
+    Types,
     WiringError,
     encode,
     encoding_of,
     explained,
+    viewing,
 )
 
 
@@ -130,3 +134,29 @@ def test_a_message_cannot_be_changed() -> None:
 def test_numbers_of_numpy_are_numbers(position: Any, expected: list[float]) -> None:
     data = encode(JointState(position=position))
     assert Decoder(JointState)(data).position == expected
+
+
+def test_a_view_takes_and_refuses_what_the_type_does_and_copies_no_bytes():
+    types = {cls: viewing(cls) for cls in MESSAGE_TYPES.values()}
+    own = Types({"Blob/1": {"raw": {"type": "bytes"}, "n": {"type": "int", "min": 1}}})["Blob/1"]
+    for cls, view in {**types, own: viewing(own)}.items():
+        decoders = [msgspec.msgpack.Decoder(one) for one in (cls, view)]
+        fields = [field.name for field in msgspec.structs.fields(cls)]
+        for value in (b"bytes", "text", 0, 1, -1, 0.5, None, [], [1.0, 2.0], {}, "rgb8"):
+            for name in (*fields, ""):
+                row = {field: b"xyz" if field in {"data", "raw"} else 1 for field in fields}
+                row |= {name: value} if name else {}
+                assert outcome(decoders[0], row) == outcome(decoders[1], row)
+    image = Image(width=1, height=1, encoding="rgb8", data=b"abc", focal=(1, 1), centre=(0, 0))
+    content = encode(image)
+    seen = msgspec.msgpack.Decoder(types[Image]).decode(content)
+    assert (type(seen.data), seen.data.obj) == (memoryview, content)
+    assert bytes(seen.data) == image.data
+
+
+def outcome(decoder, row):
+    try:
+        decoder.decode(msgspec.msgpack.encode(row))
+    except msgspec.DecodeError as exc:
+        return str(exc)
+    return None

@@ -60,8 +60,8 @@ class Run(Command, work="run", group="run", is_run=True):
     transport: Literal["unix", "tcp"] | None = None
     """transport between the processes"""
     faults: Faults = ()
-    """inject a fault, e.g. 'kill plant at 120' or 'delay controller at 10 for 20ms'; may be
-    repeated (docs/faults.md)"""
+    """inject a fault, e.g. 'kill plant at 120' or 'delay controller at 10 for 20ms'; may be repeated
+    (docs/faults.md)"""
     debug: Names = ()
     """run a participant in this terminal without deadlines, for a debugger"""
     external: Annotated[Texts, Parameter(metavar="PARTICIPANT[=TICKET]")] = ()

@@ -32,6 +32,7 @@ _INTERNAL = 1
 _VARIABLE = "STEPBUS_TURNS"
 """Set by the parent for its child alone, which takes it away at once."""
 _PR_SET_PDEATHSIG = 1
+_PR_SET_DUMPABLE = 4
 _PR_SET_CHILD_SUBREAPER = 36
 _ORPHANS_S = 2.0
 """How long killed processes may take to go; one in the middle of a disk access takes long [s]."""
@@ -153,5 +154,15 @@ def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) 
             code, text = post_mortem.conclude(memory, pid, code=code)
         write(sys.stderr, text)
         return code
-    # As a shell has it for a process that a signal has ended.
-    return code if code >= 0 else 128 - code
+    if code < 0:
+        _die_of(-code)
+    return code
+
+
+def _die_of(number: int) -> None:
+    """End as our child has ended, without a second core dump."""
+    ctypes.CDLL(None).prctl(_PR_SET_DUMPABLE, 0)
+    if number != signal.SIGKILL:
+        signal.signal(number, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
+    os.kill(os.getpid(), number)

@@ -27,6 +27,7 @@ from stepbus_schemas import (
     Types,
     encode,
     json_schema,
+    viewing,
 )
 
 OnEvent = Callable[[str, str, int, Event], None]
@@ -114,7 +115,8 @@ class Recorder(Sink):
                 )
                 cls = self._types[output.type]
                 on_event = self._on_event if issubclass(cls, Event) else None
-                self._ports[name][port] = _Port(channel, Decoder(cls).plain, on_event)
+                checked = viewing(cls) if output.bulk and on_event is None else cls
+                self._ports[name][port] = _Port(channel, Decoder(checked).plain, on_event)
         self._chain_channel = self._file.add_channel(layout.CHAIN_TOPIC, layout.CHAIN_TYPE, {})
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
