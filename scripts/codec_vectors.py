@@ -7,7 +7,6 @@ names and values of the exact vectors, which you write: `minimal`, with the requ
 `full`, with all of them, none empty, and what else is worth a vector.
 """
 
-import json
 import struct
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -17,16 +16,7 @@ from scripts.refusals import Value, refusals
 
 from stepbus_schemas import PROTOCOL_VERSION, json_schema
 from stepbus_schemas.declaration import not_null
-
-NOTATION = (
-    "Values are JSON, with four additions. "
-    'Binary is {"$bin": "<hex>"}. '
-    'A float that JSON cannot hold or may change is {"$float": "nan" | "inf" | "-inf" | "-0.0"}. '
-    'An integer beyond ±(2^53 - 1) is {"$int": "<decimal digits>"}. '
-    "A number written with a point or an exponent is a float64, any other an integer. "
-    "`hex` is the MessagePack. Maps keep the order of the fields, and defaults are left out. "
-    "Paths: `$` is the whole message, `[...]` stands for any key of a map."
-)
+from stepbus_schemas.vectors import NOTATION, vector_row
 
 _pack = msgspec.msgpack.Encoder().encode
 
@@ -100,35 +90,3 @@ def _widest(value: Any) -> bytes:
             return struct.pack(">Bq", 0xD3, value) if value < 2**63 else _pack(value)
         case _:
             return _pack(value)
-
-
-def line_by_line(value: Any, depth: int) -> str:
-    """Return JSON with a line for each item down to a depth: one for each vector."""
-    if depth == 0 or not isinstance(value, dict | list):
-        return json.dumps(value, ensure_ascii=False, allow_nan=False)
-    if isinstance(value, list):
-        return "[\n" + ",\n".join(line_by_line(item, depth - 1) for item in value) + "\n]"
-    pairs = (
-        f"{line_by_line(key, 0)}: {line_by_line(item, depth - 1)}" for key, item in value.items()
-    )
-    return "{\n" + ",\n".join(pairs) + "\n}"
-
-
-def vector_row(name: str, value: Any, data: bytes | None = None) -> dict[str, Any]:
-    """Return a vector; data: what stands for the value, where our encoder would not write it."""
-    return {"name": name, "value": notation(value), "hex": (data or _pack(value)).hex()}
-
-
-def notation(value: Any) -> Any:
-    """Return a value as the JSON of `NOTATION`."""
-    if isinstance(value, dict):
-        return {key: notation(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [notation(item) for item in value]
-    if isinstance(value, bytes):
-        return {"$bin": value.hex()}
-    if isinstance(value, float) and str(value) in {"nan", "inf", "-inf", "-0.0"}:
-        return {"$float": str(value)}
-    if isinstance(value, int) and abs(value) >= 2**53:
-        return {"$int": str(value)}
-    return value

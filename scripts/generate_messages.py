@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from scripts.codec_vectors import from_notation, line_by_line, vectors
+from scripts.codec_vectors import from_notation, vectors
 from scripts.messages_page import messages_page
 
 from stepbus_schemas import (
@@ -32,6 +32,7 @@ from stepbus_schemas import (
     encode,
     json_schema,
 )
+from stepbus_schemas.vectors import line_by_line
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 

@@ -1,6 +1,6 @@
 """The contract of stepbus: message types, protocol envelopes and their codec.
 
-What only schemas, tables and the bridge need is imported when it is first used: each
+What only schemas, tables, vectors and the bridge need is imported when it is first used: each
 participant is a process, and loads this at every start.
 """
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .bridge import *
     from .schema import *
     from .tables import *
+    from .vectors import *
 
 _LATER = {
     "BRIDGE_FORMATS": "bridge",
@@ -31,6 +32,7 @@ _LATER = {
     "raw_fields": "bridge",
     "raw_problem": "bridge",
     "types_page": "tables",
+    "types_vectors": "vectors",
 }
 """Name → module that is imported when it is first used."""
 

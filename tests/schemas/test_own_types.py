@@ -8,6 +8,7 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scripts.codec_vectors import from_notation
 
 from stepbus_schemas import (
     Decoder,
@@ -25,6 +26,7 @@ from stepbus_schemas import (
     meta,
     raw_fields,
     type_problems,
+    types_vectors,
 )
 
 THRUSTER = {
@@ -91,6 +93,15 @@ def test_a_default_that_only_a_function_knows_is_refused():
 
     with pytest.raises(WiringError, match="its default comes from a function"):
         class_declaration(Odd)
+
+
+@given(declarations)
+def test_the_byte_vectors_of_a_type_are_read_and_written(declaration):
+    types = Types({"Own/1": declaration})
+    decode = Decoder(types["Own/1"])
+    vectors = json.loads(types_vectors(types), object_hook=from_notation)["types"]["Own/1"]
+    for row in vectors["exact"]:
+        assert encode(decode(bytes.fromhex(row["hex"]))).hex() == row["hex"]
 
 
 @given(declarations, st.integers(1, 3), st.integers(1, 3))

@@ -60,8 +60,8 @@ class Run(Command, work="run", group="run", is_run=True):
     transport: Literal["unix", "tcp"] | None = None
     """transport between the processes"""
     faults: Faults = ()
-    """inject a fault, e.g. 'kill plant at 120' or 'delay controller at 10 for 20ms'; may be repeated
-    (docs/faults.md)"""
+    """inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or 'random 3 seed
+    1'; may be repeated (docs/faults.md)"""
     debug: Names = ()
     """run a participant in this terminal without deadlines, for a debugger"""
     external: Annotated[Texts, Parameter(metavar="PARTICIPANT[=TICKET]")] = ()
@@ -189,7 +189,7 @@ class Types(Command, work="scenarios", group="look"):
     classes (default: the built-in types)"""
     _: KW_ONLY
     out: Folder = None
-    """write messages.md and a JSON Schema for each type"""
+    """write messages.md, vectors.json and a JSON Schema for each type"""
     json: Json = False
 
 

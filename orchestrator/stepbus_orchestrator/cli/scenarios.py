@@ -32,6 +32,7 @@ from stepbus_schemas import (
     Types,
     json_schema,
     types_page,
+    types_vectors,
 )
 
 _NUMERIC = ("index", "lower", "upper", "velocity", "effort")
@@ -141,7 +142,7 @@ def types_command(given: commands.Types) -> Answer:
     page = types_page(names, types)
     if given.out is None:
         return Answer(value=schemas, lines=[page.rstrip() if names else "no types of its own"])
-    files = {"messages.md": page} | {
+    files = {"messages.md": page, "vectors.json": types_vectors(types)} | {
         f"json/{name.replace('/', '.')}.json": json.dumps(s, ensure_ascii=False, indent=2) + "\n"
         for name, s in schemas.items()
     }

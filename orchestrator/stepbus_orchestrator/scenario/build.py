@@ -71,12 +71,12 @@ def _steps(
 def _faults(
     texts: tuple[str, ...], scenario: Scenario, problems: Problems
 ) -> tuple[FaultSpec, ...]:
-    faults = [
-        problems.attempt(("faults", index), partial(parse_fault, text, scenario))
-        for index, text in enumerate(texts)
-        if not problems.has(("faults", index))
-    ]
-    return tuple(fault for fault in faults if fault is not None)
+    faults: list[FaultSpec] = []
+    for index, text in enumerate(texts):
+        keys: Keys = ("faults", index)
+        if not problems.has(keys):
+            faults += problems.attempt(keys, partial(parse_fault, text, scenario)) or ()
+    return tuple(faults)
 
 
 def _participant(name: str, row: ParticipantRow, problems: Problems) -> ParticipantSpec:

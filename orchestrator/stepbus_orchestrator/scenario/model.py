@@ -260,7 +260,7 @@ class ScenarioFile(Settings):
     seed: Whole = 0
     """Every participant derives its own seed from this and its name."""
     faults: tuple[str, ...] = ()
-    """Injected faults: `kill plant at 120` ([faults.md](../faults.md))."""
+    """Injected faults: `kill plant at 120`, `random 3` ([faults.md](../faults.md))."""
     participants: dict[Name, ParticipantRow]
     """Name → participant, at least one. If several could be first within a step, this order
     decides."""

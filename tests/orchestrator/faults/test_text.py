@@ -3,7 +3,7 @@
 import pytest
 
 from stepbus_orchestrator.errors import ScenarioError
-from stepbus_orchestrator.scenario.faults import format_fault
+from stepbus_orchestrator.scenario.faults import FAULT_TYPES, format_fault
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.resolve import resolved
 
@@ -36,6 +36,8 @@ def test_a_fault_is_read_and_written_in_one_form(written, read):
         ("kill plant at 3 for 1s", "kill takes no duration; only delay"),
         ("delay plant at 3 for 5", "'5' is not a duration"),
         ("kill plant", "'kill plant': not a fault; write TYPE"),
+        ("random 0", "must be 1 to 1000 faults, not 0"),
+        ("random 3 from 7 to 7", "there are no steps from 7 to below 7"),
     ],
 )
 def test_a_fault_that_cannot_be_says_why(written, sentence):
@@ -49,8 +51,26 @@ def test_a_message_fault_at_a_step_without_a_message_is_refused():
         texts("drop mission at 10", overrides=("duration=1s", "mission.every=4"))
 
 
+def test_a_seed_draws_the_same_faults_of_every_kind():
+    drawn = texts("random 100 seed 7")
+    assert drawn == texts("random 100 seed 7")
+    assert drawn != texts("random 100 seed 8")
+    assert {text.split()[0] for text in drawn} == set(FAULT_TYPES)
+
+
+def test_drawn_faults_keep_to_their_steps():
+    steps = [int(text.split()[3]) for text in texts("random 100 from 20 to 30")]
+    assert set(steps) <= set(range(20, 30))
+    assert steps == sorted(steps)
+
+
+def test_a_run_without_an_end_needs_the_last_step_of_random_faults():
+    with pytest.raises(ScenarioError, match="needs a last step"):
+        texts("random 3", overrides=("duration=null",))
+
+
 def test_faults_of_the_scenario_come_first_and_are_part_of_what_determines_a_run():
-    scenario = load("two_link", ["faults=[kill plant at 5]"], ["drop mission at 8"])
+    scenario = load("two_link", ["faults=[kill plant at 5]"], ["random 1 seed 3"])
     assert format_fault(scenario.faults[0]) == "kill plant at 5"
     assert all(f'- "{format_fault(fault)}"\n' in resolved(scenario) for fault in scenario.faults)
 
