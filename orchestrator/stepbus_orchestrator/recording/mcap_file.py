@@ -5,7 +5,6 @@ import errno
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from struct import Struct
 from typing import Any
@@ -16,11 +15,10 @@ from mcap.opcode import Opcode
 
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, Encoded, encode_chunk
+from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, encode_chunk
 from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END, bytes_of
 from stepbus_orchestrator.recording.reserved_file import ReservedFile
 from stepbus_orchestrator.recording.summary import Summary
-from stepbus_orchestrator.recording.workers import Workers
 from stepbus_participant import Disk, open_regular
 from stepbus_schemas import json_schema, reached
 
@@ -34,8 +32,7 @@ _STEP_END = HEAD.pack(STEP_END, 0)
 class McapFile:
     """An MCAP file of MessagePack messages with JSON Schemas, and nothing that differs by run.
 
-    It has the bytes that `mcap.writer.Writer` writes, but that each chunk holds whole steps. Chunks
-    with big messages are compressed in threads, and written in their order a few chunks later.
+    It has the bytes that `mcap.writer.Writer` writes, but that each chunk holds whole steps.
 
     All methods but `flush` raise RecordingFailed when the file cannot be written or is closed.
     After the first failed write nothing but the index is appended: a recording has no hole.
@@ -61,7 +58,6 @@ class McapFile:
         self._summary = Summary()
         self._schemas: dict[str, int] = {}
         self._chunk = Chunk()
-        self._workers: Workers[Encoded] = Workers(self._put)
         self._step = (0, 0)  # time and sequence of the newest message
         self._unfinished = (0, 0)  # where the chunk will stand, and how much of it does
         self._refusal: RecordingFailed | None = None
@@ -90,7 +86,6 @@ class McapFile:
 
     def _add_record(self, record: mcap.Attachment | mcap.Metadata) -> None:
         with self._translated():
-            self._workers.drain()
             offset, data = self._file.position, bytes_of(record)
             at, known = self._unfinished
             if at == offset and known:
@@ -185,7 +180,6 @@ class McapFile:
         if self._refusal is not None:
             return
         try:
-            self._workers.drain()
             chunk, offset = self._chunk, self._file.position
             if not chunk.indexes:
                 return
@@ -210,16 +204,11 @@ class McapFile:
         if self.closed:
             return
         self.closed = True
-        with contextlib.suppress(RecordingFailed), self._translated():
-            if self._chunk.is_big:
-                self._end_chunk()
-            self._workers.drain()
         failure = self._refusal
         self._file.release()
         try:
             if failure is not None:
                 self._chunk, incomplete = Chunk(), None
-                self._workers.close()
             self._finish(incomplete)
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
@@ -233,8 +222,6 @@ class McapFile:
     def _finish(self, incomplete: Mapping[str, str] | None) -> None:
         """Write the last chunk, behind it a last record, and the index."""
         self._end_chunk()
-        self._workers.drain()
-        self._workers.close()
         if incomplete is not None:
             self.add_metadata(layout.INCOMPLETE_METADATA, incomplete)
         self._write(bytes_of(mcap.DataEnd(self._crc)))
@@ -261,23 +248,11 @@ class McapFile:
         self._crc = crc32(data, self._crc)
 
     def _end_chunk(self) -> None:
-        """Hand on the chunk, to be written; raises OSError where it, or one before, cannot be.
-
-        It is kept until it is encoded: that may raise MemoryError.
-        """
-        chunk = self._chunk
-        if not chunk.indexes:
+        """Write the chunk and its message indexes at once; raises OSError and MemoryError."""
+        if not self._chunk.indexes:
             return
-        if chunk.is_big or self._workers.are_busy:
-            self._workers.give(partial(encode_chunk, chunk))
-            self._chunk = Chunk()
-        else:
-            encoded = encode_chunk(chunk)
-            self._chunk = Chunk()
-            self._put(encoded)
-
-    def _put(self, encoded: Encoded) -> None:
-        """Write a chunk and its message indexes at once; raises OSError, and has lost them."""
+        encoded = encode_chunk(self._chunk)
+        self._chunk = Chunk()
         start = self._file.position
         self._file.keep_room(self._summary.chunk_index_bytes)
         self._file.write(encoded.parts)
