@@ -16,8 +16,8 @@ from mcap.opcode import Opcode
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, encode_chunk
+from stepbus_orchestrator.recording.locked_file import LockedFile
 from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END, bytes_of
-from stepbus_orchestrator.recording.reserved_file import ReservedFile
 from stepbus_orchestrator.recording.summary import Summary
 from stepbus_participant import Disk, open_regular
 from stepbus_schemas import json_schema, reached
@@ -63,7 +63,7 @@ class McapFile:
         self._refusal: RecordingFailed | None = None
         """Why nothing can be added: the first failure, or that the file is closed."""
         with self._translated():
-            self._file = ReservedFile(written_as or path, disk)
+            self._file = LockedFile(written_as or path, disk)
             self._write(MAGIC + bytes_of(mcap.Header(profile, library)))
 
     # --- what is added --------------------------------------------------------------------
@@ -198,14 +198,12 @@ class McapFile:
         """Write what is left, a last metadata record and the index; harmless when repeated.
 
         incomplete: content of that record, which is written only where all messages are.
-        On a full disk they go into the room that was set aside. Raises RecordingFailed when they
-        cannot be written all the same, or anything before could not.
+        Raises RecordingFailed when they cannot be written, or anything before could not.
         """
         if self.closed:
             return
         self.closed = True
         failure = self._refusal
-        self._file.release()
         try:
             if failure is not None:
                 self._chunk, incomplete = Chunk(), None
@@ -230,15 +228,14 @@ class McapFile:
     def check(self) -> None:
         """Raise RecordingFailed when the closed file is not, byte for byte, what was written."""
         try:
-            changed = self._file.changed(self._crc)
+            is_whole = self._file.holds(self._crc)
         except _FAILURES as exc:
             raise _failure(self.path, exc) from exc
-        if changed:
+        if not is_whole:
             reached("a recording was changed or removed")
             raise RecordingFailed(
-                f"the recording {self.path} {changed}: another process changed it during "
-                "the run; run again, and do not change the run's folder until the run "
-                "ends"
+                f"the recording {self.path} was changed or removed by another process during the "
+                "run; run again, and do not change the run's folder until the run ends"
             )
 
     # --- how it is written ----------------------------------------------------------------
@@ -254,7 +251,6 @@ class McapFile:
         encoded = encode_chunk(self._chunk)
         self._chunk = Chunk()
         start = self._file.position
-        self._file.keep_room(self._summary.chunk_index_bytes)
         self._file.write(encoded.parts)
         self._crc = crc32_combine(self._crc, encoded.crc, encoded.size)
         self._summary.add_chunk(encoded, start)
