@@ -3,7 +3,6 @@
 import contextlib
 import fcntl
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 from isal.isal_zlib import crc32
@@ -36,22 +35,22 @@ class LockedFile:
         with contextlib.suppress(OSError):
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
-    def write(self, parts: Sequence[bytes], ahead: bytes = b"") -> None:
-        """Append all parts, or nothing of them; ahead: what the next `write` replaces."""
-        size = sum(map(len, parts))
-        over = self._ahead - size - len(ahead)
+    def write(self, data: bytes, ahead: bytes = b"") -> None:
+        """Append all of `data`, or nothing of it; ahead: what the next `write` replaces."""
+        end = self.position + len(data)
+        over = self.position + self._ahead - end - len(ahead)
         # A process that is killed here leaves no rubbish behind them, but one private record.
         cover = HEAD.pack(_COVER, max(0, over - HEAD.size)) if over > 0 else b""
         try:
-            write_parts_at(self._disk, self._file, (*parts, ahead, cover), self.position)
+            write_parts_at(self._disk, self._file, (data, ahead, cover), self.position)
             if cover:
-                self._disk.ftruncate(self._file, self.position + size + len(ahead))
+                self._disk.ftruncate(self._file, end + len(ahead))
         except OSError:
             self._ahead = 0
             self._disk.ftruncate(self._file, self.position)
             raise
         self._ahead = len(ahead)
-        self.position += size
+        self.position = end
 
     def write_ahead(self, data: bytes) -> bool:
         """Append bytes that the next `write` replaces; return whether there was room for them."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from struct import Struct
 from typing import Any
 
-from isal.isal_zlib import crc32, crc32_combine
+from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
@@ -90,7 +90,7 @@ class McapFile:
             at, known = self._unfinished
             if at == offset and known:
                 # Behind it stands again what it replaces: a kill loses nothing.
-                self._write(data, ahead=self._chunk.content()[:known] + _STEP_END)
+                self._write(data, ahead=bytes(self._chunk.records[:known]) + _STEP_END)
                 self._unfinished = (self._file.position, known)
             else:
                 self._write(data)
@@ -122,9 +122,8 @@ class McapFile:
         """Add a schema or a channel, under the next free number; return that."""
         with self._translated():
             number, data = self._summary.register(record)
-            self._chunk.records.append(data)
-            self._chunk.size += len(data)
-            if self._chunk.size > self.chunk_bytes:
+            self._chunk.records += data
+            if len(self._chunk.records) > self.chunk_bytes:
                 self._end_chunk()
         return number
 
@@ -145,7 +144,7 @@ class McapFile:
             raise self._refusal
         try:
             if (t_ns, sequence) != self._step:
-                if self._chunk.size > self.chunk_bytes:
+                if len(self._chunk.records) > self.chunk_bytes:
                     self._end_chunk()
                 self._step = (t_ns, sequence)
             self._fill(messages, t_ns, sequence)
@@ -154,21 +153,17 @@ class McapFile:
 
     def _fill(self, messages: Sequence[tuple[int, bytes]], t_ns: int, sequence: int) -> None:
         chunk, pack = self._chunk, _MESSAGE.pack
-        records, indexes, size = chunk.records, chunk.indexes, chunk.size
+        records, indexes = chunk.records, chunk.indexes
         for channel, data in messages:
             index = indexes.get(channel)
             if index is None:
                 index = indexes[channel] = []
-            index += (t_ns, size)
+            index += (t_ns, len(records))
             length = _FIELDS_BYTES + len(data)
-            head = pack(Opcode.MESSAGE, length, channel, sequence, t_ns, t_ns)
+            records += pack(Opcode.MESSAGE, length, channel, sequence, t_ns, t_ns)
+            records += data
             if length > BIG_BYTES:
                 chunk.is_big = True
-                records += (head, data)
-            else:
-                records.append(head + data)
-            size += HEAD.size + length
-        chunk.size = size
 
     def flush(self) -> None:
         """Write all messages, so that the file has them even after a kill; it raises nothing.
@@ -184,10 +179,9 @@ class McapFile:
             if not chunk.indexes:
                 return
             known = self._unfinished[1] if self._unfinished[0] == offset else 0
-            new = memoryview(chunk.content())[known:]
             # Where there is no room now, the next try begins with what is missing: no hole stays.
-            if self._file.write_ahead(b"".join((new, _STEP_END))):
-                self._unfinished = (offset, chunk.size)
+            if self._file.write_ahead(bytes(chunk.records[known:]) + _STEP_END):
+                self._unfinished = (offset, len(chunk.records))
         except _FAILURES as exc:
             # Of a chunk that was being compressed: whatever comes next is refused.
             self.refuse(exc)
@@ -241,7 +235,7 @@ class McapFile:
     # --- how it is written ----------------------------------------------------------------
 
     def _write(self, data: bytes, ahead: bytes = b"") -> None:
-        self._file.write([data], ahead)
+        self._file.write(data, ahead)
         self._crc = crc32(data, self._crc)
 
     def _end_chunk(self) -> None:
@@ -251,8 +245,7 @@ class McapFile:
         encoded = encode_chunk(self._chunk)
         self._chunk = Chunk()
         start = self._file.position
-        self._file.write(encoded.parts)
-        self._crc = crc32_combine(self._crc, encoded.crc, encoded.size)
+        self._write(encoded.data)
         self._summary.add_chunk(encoded, start)
 
     # --- failures -------------------------------------------------------------------------
