@@ -76,7 +76,7 @@ def encode_chunk(chunk: Chunk) -> Encoded:
 
 
 class _Compressors(threading.local):
-    """Those of this thread: making one takes longer than compressing a sample."""
+    """The compressors of this thread: one must not compress in two threads at once."""
 
     def __init__(self) -> None:
         self.fast = zstandard.ZstdCompressor(_FAST)
