@@ -1,8 +1,6 @@
 """The chunk of an MCAP file: records of whole steps, compressed, and where in it they are."""
 
-import threading
 from struct import Struct
-from typing import NamedTuple
 
 import zstandard
 from isal.isal_zlib import crc32
@@ -13,8 +11,8 @@ from stepbus_orchestrator.recording.records import bytes_of
 
 BIG_BYTES = 64 * 1024
 """A larger message is content of a bulk port: a picture, a point cloud."""
-_FAST = -1
-"""The level of compression for these: it gives up soon where nothing is to be gained."""
+_USUAL, _FAST = 3, -1
+"""Levels of compression; that of large messages gives up soon where nothing is to be gained."""
 _WORTH_IT = 0.9
 """What is not compressed to so much of its size is stored as it is: readers are spared the work."""
 _INDEX = Struct("<BQHI")  # opcode, length, channel, length of the entries
@@ -33,21 +31,13 @@ class Chunk:
         self.is_big = False
 
 
-class Encoded(NamedTuple):
-    """A chunk as it stands in a file: its bytes, with the message indexes behind it.
+def encode_chunk(chunk: Chunk, start: int) -> tuple[bytes, mcap.ChunkIndex]:
+    """Return the bytes of a chunk with its message indexes, and its record of the summary.
 
-    row: its record of the summary, with offsets from its beginning.
+    start: where it begins in the file [bytes]. Raises MemoryError.
     """
-
-    chunk: Chunk
-    data: bytes
-    row: mcap.ChunkIndex
-
-
-def encode_chunk(chunk: Chunk) -> Encoded:
-    """Return the bytes of a chunk: a function of its messages alone; raises MemoryError."""
-    content, compressor = bytes(chunk.records), _own.fast if chunk.is_big else _own.usual
-    packed, compression = _compressed(content, compressor), "zstd"
+    content = bytes(chunk.records)
+    packed, compression = _compressed(content, _FAST if chunk.is_big else _USUAL), "zstd"
     if chunk.is_big and len(packed) > _WORTH_IT * len(content):
         packed, compression = content, ""
     times = [t_ns for entries in chunk.indexes.values() for t_ns in entries[::2]]
@@ -57,13 +47,13 @@ def encode_chunk(chunk: Chunk) -> Encoded:
     )
     indexes, offsets = bytearray(), {}
     for channel, entries in chunk.indexes.items():
-        offsets[channel] = len(record) + len(indexes)
+        offsets[channel] = start + len(record) + len(indexes)
         numbers = Struct(f"<{len(entries)}Q").pack(*entries)
         indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers))
         indexes += numbers
     row = mcap.ChunkIndex(
         chunk_length=len(record),
-        chunk_start_offset=0,
+        chunk_start_offset=start,
         compression=compression,
         compressed_size=len(packed),
         message_end_time=latest,
@@ -72,23 +62,12 @@ def encode_chunk(chunk: Chunk) -> Encoded:
         message_start_time=earliest,
         uncompressed_size=len(content),
     )
-    return Encoded(chunk, record + indexes, row)
+    return record + indexes, row
 
 
-class _Compressors(threading.local):
-    """The compressors of this thread: one must not compress in two threads at once."""
-
-    def __init__(self) -> None:
-        self.fast = zstandard.ZstdCompressor(_FAST)
-        self.usual = zstandard.ZstdCompressor()
-
-
-_own = _Compressors()
-
-
-def _compressed(content: bytes, compressor: zstandard.ZstdCompressor) -> bytes:
+def _compressed(content: bytes, level: int) -> bytes:
     try:
-        return compressor.compress(content)
+        return zstandard.ZstdCompressor(level).compress(content)
     except zstandard.ZstdError as exc:
         # Whatever the content, it lacks nothing but memory.
         raise MemoryError(str(exc)) from exc

@@ -240,13 +240,12 @@ class McapFile:
 
     def _end_chunk(self) -> None:
         """Write the chunk and its message indexes at once; raises OSError and MemoryError."""
-        if not self._chunk.indexes:
-            return
-        encoded = encode_chunk(self._chunk)
-        self._chunk = Chunk()
-        start = self._file.position
-        self._write(encoded.data)
-        self._summary.add_chunk(encoded, start)
+        chunk = self._chunk
+        if chunk.indexes:
+            data, row = encode_chunk(chunk, self._file.position)
+            self._chunk = Chunk()
+            self._write(data)
+            self._summary.add_chunk(chunk, row)
 
     # --- failures -------------------------------------------------------------------------
 
