@@ -147,23 +147,16 @@ class McapFile:
                 if len(self._chunk.records) > self.chunk_bytes:
                     self._end_chunk()
                 self._step = (t_ns, sequence)
-            self._fill(messages, t_ns, sequence)
+            chunk = self._chunk
+            for channel, data in messages:
+                chunk.indexes.setdefault(channel, []).extend((t_ns, len(chunk.records)))
+                size = _FIELDS_BYTES + len(data)
+                head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, t_ns, t_ns)
+                chunk.records += head
+                chunk.records += data
+                chunk.is_big = chunk.is_big or size > BIG_BYTES
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
-
-    def _fill(self, messages: Sequence[tuple[int, bytes]], t_ns: int, sequence: int) -> None:
-        chunk, pack = self._chunk, _MESSAGE.pack
-        records, indexes = chunk.records, chunk.indexes
-        for channel, data in messages:
-            index = indexes.get(channel)
-            if index is None:
-                index = indexes[channel] = []
-            index += (t_ns, len(records))
-            length = _FIELDS_BYTES + len(data)
-            records += pack(Opcode.MESSAGE, length, channel, sequence, t_ns, t_ns)
-            records += data
-            if length > BIG_BYTES:
-                chunk.is_big = True
 
     def flush(self) -> None:
         """Write all messages, so that the file has them even after a kill; it raises nothing.

@@ -10,7 +10,6 @@ import stepbus
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, chunk, recover
 
-
 USUAL = zstandard.ZstdCompressor
 
 
