@@ -5,13 +5,10 @@ P13.2 and P13.3 of docs/protocol.md.
 
 import contextlib
 import hashlib
-from collections.abc import Collection, Iterable, Mapping
-from functools import partial
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.chunk import BIG_BYTES
-from stepbus_orchestrator.recording.workers import Workers
 from stepbus_schemas import CHAIN_EVERY, Chain, Decoder, MessageError
 
 _decode_chain = Decoder(Chain)
@@ -26,50 +23,13 @@ class HashChain:
     def __init__(self) -> None:
         self.value = bytes(32)
 
-    def extend(self, step: int, published: Collection[tuple[str, bytes]]) -> None:
+    def extend(self, step: int, published: Iterable[tuple[str, bytes]]) -> None:
         """Add one step. published: (port, recorded bytes), in the order of the scenario."""
         parts = [self.value, step.to_bytes(8, "little", signed=True)]
         for port, data in published:
             parts += (port.encode(), data)
         # One call of the hash for all parts: of few bytes, each takes longer than the hashing.
         self.value = hashlib.sha256(b"".join(parts)).digest()
-
-    def wait(self) -> None:
-        """Wait until all steps that were added are in the value."""
-
-    def close(self) -> None:
-        """Add nothing more."""
-
-
-class ThreadedChain(HashChain):
-    """The chain of a participant with bulk ports: big messages are hashed in a thread."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._workers = Workers[None](lambda _none: None, threads=1)
-
-    def extend(self, step: int, published: Collection[tuple[str, bytes]]) -> None:
-        """Add one step."""
-        if self._workers.are_busy or any(len(data) > BIG_BYTES for _, data in published):
-            self._workers.give(partial(self._extend, step, published))
-        else:
-            super().extend(step, published)
-
-    def wait(self) -> None:
-        """Wait until all steps that were added are in the value."""
-        self._workers.drain()
-
-    def close(self) -> None:
-        """End the thread."""
-        self._workers.close()
-
-    def _extend(self, step: int, published: Iterable[tuple[str, bytes]]) -> None:
-        """Add one step without copying it, in the thread."""
-        digest = hashlib.sha256(self.value + step.to_bytes(8, "little", signed=True))
-        for port, data in published:
-            digest.update(port.encode())
-            digest.update(data)
-        self.value = digest.digest()
 
 
 def messages_sha256(last_chain: bytes) -> str:

@@ -5,22 +5,20 @@ import errno
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from struct import Struct
 from typing import Any
 
-from isal.isal_zlib import crc32, crc32_combine
+from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, Encoded, encode_chunk
+from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, encode_chunk
+from stepbus_orchestrator.recording.locked_file import LockedFile
 from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END, bytes_of
-from stepbus_orchestrator.recording.reserved_file import ReservedFile
 from stepbus_orchestrator.recording.summary import Summary
-from stepbus_orchestrator.recording.workers import Workers
 from stepbus_participant import Disk, open_regular
 from stepbus_schemas import json_schema, reached
 
@@ -34,8 +32,7 @@ _STEP_END = HEAD.pack(STEP_END, 0)
 class McapFile:
     """An MCAP file of MessagePack messages with JSON Schemas, and nothing that differs by run.
 
-    It has the bytes that `mcap.writer.Writer` writes, but that each chunk holds whole steps. Chunks
-    with big messages are compressed in threads, and written in their order a few chunks later.
+    It has the bytes that `mcap.writer.Writer` writes, but that each chunk holds whole steps.
 
     All methods but `flush` raise RecordingFailed when the file cannot be written or is closed.
     After the first failed write nothing but the index is appended: a recording has no hole.
@@ -61,13 +58,12 @@ class McapFile:
         self._summary = Summary()
         self._schemas: dict[str, int] = {}
         self._chunk = Chunk()
-        self._workers: Workers[Encoded] = Workers(self._put)
         self._step = (0, 0)  # time and sequence of the newest message
         self._unfinished = (0, 0)  # where the chunk will stand, and how much of it does
         self._refusal: RecordingFailed | None = None
         """Why nothing can be added: the first failure, or that the file is closed."""
         with self._translated():
-            self._file = ReservedFile(written_as or path, disk)
+            self._file = LockedFile(written_as or path, disk)
             self._write(MAGIC + bytes_of(mcap.Header(profile, library)))
 
     # --- what is added --------------------------------------------------------------------
@@ -90,12 +86,11 @@ class McapFile:
 
     def _add_record(self, record: mcap.Attachment | mcap.Metadata) -> None:
         with self._translated():
-            self._workers.drain()
             offset, data = self._file.position, bytes_of(record)
             at, known = self._unfinished
             if at == offset and known:
                 # Behind it stands again what it replaces: a kill loses nothing.
-                self._write(data, ahead=self._chunk.content()[:known] + _STEP_END)
+                self._write(data, ahead=bytes(self._chunk.records[:known]) + _STEP_END)
                 self._unfinished = (self._file.position, known)
             else:
                 self._write(data)
@@ -127,9 +122,8 @@ class McapFile:
         """Add a schema or a channel, under the next free number; return that."""
         with self._translated():
             number, data = self._summary.register(record)
-            self._chunk.records.append(data)
-            self._chunk.size += len(data)
-            if self._chunk.size > self.chunk_bytes:
+            self._chunk.records += data
+            if len(self._chunk.records) > self.chunk_bytes:
                 self._end_chunk()
         return number
 
@@ -150,30 +144,19 @@ class McapFile:
             raise self._refusal
         try:
             if (t_ns, sequence) != self._step:
-                if self._chunk.size > self.chunk_bytes:
+                if len(self._chunk.records) > self.chunk_bytes:
                     self._end_chunk()
                 self._step = (t_ns, sequence)
-            self._fill(messages, t_ns, sequence)
+            chunk = self._chunk
+            for channel, data in messages:
+                chunk.indexes.setdefault(channel, []).extend((t_ns, len(chunk.records)))
+                size = _FIELDS_BYTES + len(data)
+                head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, t_ns, t_ns)
+                chunk.records += head
+                chunk.records += data
+                chunk.is_big = chunk.is_big or size > BIG_BYTES
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
-
-    def _fill(self, messages: Sequence[tuple[int, bytes]], t_ns: int, sequence: int) -> None:
-        chunk, pack = self._chunk, _MESSAGE.pack
-        records, indexes, size = chunk.records, chunk.indexes, chunk.size
-        for channel, data in messages:
-            index = indexes.get(channel)
-            if index is None:
-                index = indexes[channel] = []
-            index += (t_ns, size)
-            length = _FIELDS_BYTES + len(data)
-            head = pack(Opcode.MESSAGE, length, channel, sequence, t_ns, t_ns)
-            if length > BIG_BYTES:
-                chunk.is_big = True
-                records += (head, data)
-            else:
-                records.append(head + data)
-            size += HEAD.size + length
-        chunk.size = size
 
     def flush(self) -> None:
         """Write all messages, so that the file has them even after a kill; it raises nothing.
@@ -185,15 +168,13 @@ class McapFile:
         if self._refusal is not None:
             return
         try:
-            self._workers.drain()
             chunk, offset = self._chunk, self._file.position
             if not chunk.indexes:
                 return
             known = self._unfinished[1] if self._unfinished[0] == offset else 0
-            new = memoryview(chunk.content())[known:]
             # Where there is no room now, the next try begins with what is missing: no hole stays.
-            if self._file.write_ahead(b"".join((new, _STEP_END))):
-                self._unfinished = (offset, chunk.size)
+            if self._file.write_ahead(bytes(chunk.records[known:]) + _STEP_END):
+                self._unfinished = (offset, len(chunk.records))
         except _FAILURES as exc:
             # Of a chunk that was being compressed: whatever comes next is refused.
             self.refuse(exc)
@@ -204,22 +185,15 @@ class McapFile:
         """Write what is left, a last metadata record and the index; harmless when repeated.
 
         incomplete: content of that record, which is written only where all messages are.
-        On a full disk they go into the room that was set aside. Raises RecordingFailed when they
-        cannot be written all the same, or anything before could not.
+        Raises RecordingFailed when they cannot be written, or anything before could not.
         """
         if self.closed:
             return
         self.closed = True
-        with contextlib.suppress(RecordingFailed), self._translated():
-            if self._chunk.is_big:
-                self._end_chunk()
-            self._workers.drain()
         failure = self._refusal
-        self._file.release()
         try:
             if failure is not None:
                 self._chunk, incomplete = Chunk(), None
-                self._workers.close()
             self._finish(incomplete)
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
@@ -233,8 +207,6 @@ class McapFile:
     def _finish(self, incomplete: Mapping[str, str] | None) -> None:
         """Write the last chunk, behind it a last record, and the index."""
         self._end_chunk()
-        self._workers.drain()
-        self._workers.close()
         if incomplete is not None:
             self.add_metadata(layout.INCOMPLETE_METADATA, incomplete)
         self._write(bytes_of(mcap.DataEnd(self._crc)))
@@ -243,46 +215,30 @@ class McapFile:
     def check(self) -> None:
         """Raise RecordingFailed when the closed file is not, byte for byte, what was written."""
         try:
-            changed = self._file.changed(self._crc)
+            is_whole = self._file.holds(self._crc)
         except _FAILURES as exc:
             raise _failure(self.path, exc) from exc
-        if changed:
+        if not is_whole:
             reached("a recording was changed or removed")
             raise RecordingFailed(
-                f"the recording {self.path} {changed}: another process changed it during "
-                "the run; run again, and do not change the run's folder until the run "
-                "ends"
+                f"the recording {self.path} was changed or removed by another process during the "
+                "run; run again, and do not change the run's folder until the run ends"
             )
 
     # --- how it is written ----------------------------------------------------------------
 
     def _write(self, data: bytes, ahead: bytes = b"") -> None:
-        self._file.write([data], ahead)
+        self._file.write(data, ahead)
         self._crc = crc32(data, self._crc)
 
     def _end_chunk(self) -> None:
-        """Hand on the chunk, to be written; raises OSError where it, or one before, cannot be.
-
-        It is kept until it is encoded: that may raise MemoryError.
-        """
+        """Write the chunk and its message indexes at once; raises OSError and MemoryError."""
         chunk = self._chunk
-        if not chunk.indexes:
-            return
-        if chunk.is_big or self._workers.are_busy:
-            self._workers.give(partial(encode_chunk, chunk))
+        if chunk.indexes:
+            data, row = encode_chunk(chunk, self._file.position)
             self._chunk = Chunk()
-        else:
-            encoded = encode_chunk(chunk)
-            self._chunk = Chunk()
-            self._put(encoded)
-
-    def _put(self, encoded: Encoded) -> None:
-        """Write a chunk and its message indexes at once; raises OSError, and has lost them."""
-        start = self._file.position
-        self._file.keep_room(self._summary.chunk_index_bytes)
-        self._file.write(encoded.parts)
-        self._crc = crc32_combine(self._crc, encoded.crc, encoded.size)
-        self._summary.add_chunk(encoded, start)
+            self._write(data)
+            self._summary.add_chunk(chunk, row)
 
     # --- failures -------------------------------------------------------------------------
 

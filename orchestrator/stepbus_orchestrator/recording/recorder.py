@@ -11,7 +11,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.chains import HashChain, ThreadedChain, messages_sha256
+from stepbus_orchestrator.recording.chains import HashChain, messages_sha256
 from stepbus_orchestrator.recording.mcap_file import McapFile
 from stepbus_orchestrator.recording.sink import Descriptions, Published, Sink
 from stepbus_orchestrator.scenario.model import ParticipantSpec, partly_recorded
@@ -38,10 +38,6 @@ class _Port(NamedTuple):
     channel: int
     decode: Callable[[bytes | msgspec.Raw], Message]
     on_event: Callable[[str, str, int, Any], None] | None
-
-
-def _has_bulk(spec: ParticipantSpec) -> bool:
-    return any(output.bulk for output in spec.outputs.values())
 
 
 class Recorder(Sink):
@@ -71,9 +67,7 @@ class Recorder(Sink):
         self._step_ns = step_ns
         self._on_event = on_event
         self._versions = versions
-        self._chains = {
-            spec.name: ThreadedChain() if _has_bulk(spec) else HashChain() for spec in order
-        }
+        self._chains = {spec.name: HashChain() for spec in order}
         self._ports: dict[str, dict[str, _Port]] = {spec.name: {} for spec in order}
         self._silent = {
             (spec.name, port)
@@ -150,7 +144,7 @@ class Recorder(Sink):
         except BaseException:
             self.abort()
             raise
-        self._close()
+        self._file.close()
 
     def abort(self) -> None:
         """Write whatever has arrived, without a hole, and what has not; close the file."""
@@ -170,13 +164,7 @@ class Recorder(Sink):
         finally:
             missing = {name: str(step) for name, step in self._missing.items()}
             has_begun = self._chain_channel is not None
-            self._close(missing if has_begun else None)
-
-    def _close(self, incomplete: Mapping[str, str] | None = None) -> None:
-        """Close the file, as `McapFile.close`, and end all threads."""
-        for chain in self._chains.values():
-            chain.close()
-        self._file.close(incomplete)
+            self._file.close(missing if has_begun else None)
 
     def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
         """Write the outputs of a step, and the chain behind them where it is due."""
@@ -186,8 +174,6 @@ class Recorder(Sink):
         try:
             self._write_outputs(step, closing)
             if self._chain_channel is not None and (is_last or layout.has_chain(step)):
-                for chain in self._chains.values():
-                    chain.wait()
                 hashes = {name: chain.value.hex() for name, chain in self._chains.items()}
                 self._last_chain = encode(Chain(step=step, hashes=hashes))
                 self._add([(self._chain_channel, self._last_chain)], step * self._step_ns, step)

@@ -13,6 +13,7 @@ from mcap.opcode import Opcode
 
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.index import Block, Index, Scanner, read_summary
+from stepbus_orchestrator.recording.locked_file import is_locked
 from stepbus_orchestrator.recording.records import (
     HEAD,
     MESSAGE_HEAD,
@@ -22,7 +23,6 @@ from stepbus_orchestrator.recording.records import (
     chunk_content,
     split,
 )
-from stepbus_orchestrator.recording.reserved_file import is_locked
 
 _CACHE_BYTES = 8 * 1024 * 1024
 LATEST_NS = 2**63 - 1

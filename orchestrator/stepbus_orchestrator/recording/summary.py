@@ -7,7 +7,7 @@ from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
-from stepbus_orchestrator.recording.chunk import Encoded
+from stepbus_orchestrator.recording.chunk import Chunk
 from stepbus_orchestrator.recording.records import CRC_BYTES, bytes_of
 
 _GROUPS = (
@@ -29,11 +29,6 @@ class Summary:
         self._counts: Counter[Opcode] = Counter()
         self._message_counts: Counter[int] = Counter()
         self._earliest = self._latest = 0
-
-    @property
-    def chunk_index_bytes(self) -> int:
-        """Return the size of the index of all chunks so far [bytes]."""
-        return len(self._records[Opcode.CHUNK_INDEX])
 
     def register(self, record: mcap.Schema | mcap.Channel) -> tuple[int, bytes]:
         """Add a schema or channel under the next free number; return that, and its record."""
@@ -64,17 +59,13 @@ class Summary:
         self._records[opcode] += data
         self._counts[opcode] += 1
 
-    def add_chunk(self, encoded: Encoded, start: int) -> None:
-        """Add a chunk that is in the file; start: where it begins [bytes]."""
-        row = encoded.row
-        row.chunk_start_offset = start
-        for channel in row.message_index_offsets:
-            row.message_index_offsets[channel] += start
+    def add_chunk(self, chunk: Chunk, row: mcap.ChunkIndex) -> None:
+        """Add a chunk that is in the file, with its record."""
         start_ns = row.message_start_time
         is_first = not self._counts[Opcode.CHUNK_INDEX]
         self._earliest = start_ns if is_first else min(self._earliest, start_ns)
         self._latest = max(self._latest, row.message_end_time)
-        for channel, entries in encoded.chunk.indexes.items():
+        for channel, entries in chunk.indexes.items():
             self._message_counts[channel] += len(entries) // 2
         self._add(Opcode.CHUNK_INDEX, bytes_of(row))
 

@@ -1,19 +1,12 @@
 """What a replay came to."""
 
-from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import takewhile
 from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.analysis.divergence import (
-    Divergence,
-    PortComparison,
-    PortResult,
-    port_lines,
-)
-from stepbus_orchestrator.analysis.tolerance import Tolerance, short
+from stepbus_orchestrator.analysis.divergence import Divergence, PortResult, port_lines
+from stepbus_orchestrator.analysis.tolerance import short
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.schedule import Schedule
@@ -87,18 +80,12 @@ def inputs_of(
     spec, schedule = scenario.participant(participant), Schedule(scenario)
     # What it publishes first is the result of its step before.
     step -= spec.every if spec.publishes == "first" else 0
-    return {
-        name: _held(recording, f"{item.source}/{item.port}", schedule.due_step(item, step))
-        for name, item in spec.inputs.items()
-    }
-
-
-def _held(recording: Recording, topic: str, due: int | None) -> InputValue:
-    if due is not None and topic in recording:
-        until = takewhile(lambda entry: entry.step <= due, recording[topic].entries())
-        for held in deque(until, maxlen=1):
-            plain = PortComparison(
-                topic, recording.ports[topic].type, Tolerance(), recording.types
-            ).plain
-            return InputValue(topic=topic, step=held.step, value=plain(held.data))
-    return InputValue(topic=topic, step=-1, value=None)
+    held: dict[str, InputValue] = {}
+    for name, item in spec.inputs.items():
+        topic, due = f"{item.source}/{item.port}", schedule.due_step(item, step)
+        found = None
+        if due is not None and topic in recording:
+            found = recording[topic].latest(due * scenario.step_ns)
+        at, value = found or (-1, None)
+        held[name] = InputValue(topic=topic, step=at, value=msgspec.to_builtins(value))
+    return held

@@ -116,7 +116,7 @@ def test_a_file_system_without_locks_hinders_nobody(tmp_path, monkeypatch):
     def refuse(*_args):
         raise OSError(38, "Function not implemented")
 
-    monkeypatch.setattr(fcntl, "fcntl", refuse)
+    monkeypatch.setattr(fcntl, "flock", refuse)
     file = McapFile(tmp_path / "run.mcap")
     file.add(file.add_channel("plant/a", "Event/1", {}), 0, b"x", 0)
     file.flush()

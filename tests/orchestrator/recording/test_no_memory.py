@@ -2,7 +2,6 @@
 
 import itertools
 import json
-from types import SimpleNamespace
 
 import pytest
 import zstandard
@@ -10,6 +9,8 @@ import zstandard
 import stepbus
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, chunk, recover
+
+USUAL = zstandard.ZstdCompressor
 
 
 class Compressor:
@@ -19,11 +20,15 @@ class Compressor:
         self._calls = itertools.count(1)
         self._refuses = refuses
 
+    def __call__(self, level):
+        """Return a compressor."""
+        return self
+
     def compress(self, data):
         """Compress a chunk."""
         if next(self._calls) == self._refuses:
             raise zstandard.ZstdError("cannot compress: Allocation error : not enough memory")
-        return zstandard.ZstdCompressor().compress(data)
+        return USUAL().compress(data)
 
 
 def fill(file, channel, size):
@@ -36,7 +41,7 @@ def test_a_chunk_without_memory_to_compress_it_ends_the_recording(
     tmp_path, monkeypatch, size, refuses
 ):
     made = Compressor(refuses)
-    monkeypatch.setattr(chunk, "_own", SimpleNamespace(fast=made, usual=made))
+    monkeypatch.setattr(chunk.zstandard, "ZstdCompressor", made)
     file = McapFile(tmp_path / "run.mcap")
     channel = file.add_channel("plant/a", "Event/1", {})
     with pytest.raises(RecordingFailed, match="no memory left"):
@@ -52,7 +57,7 @@ def test_a_chunk_without_memory_to_compress_it_ends_the_recording(
 
 def test_a_run_without_memory_has_a_result(tmp_path, monkeypatch):
     made = Compressor(refuses=2)
-    monkeypatch.setattr(chunk, "_own", SimpleNamespace(fast=made, usual=made))
+    monkeypatch.setattr(chunk.zstandard, "ZstdCompressor", made)
     result = stepbus.run("two_link", set={"duration": "3s"}, in_process=True, out=tmp_path / "out")
     assert (result.exit_code, "no memory left" in result.reason) == (8, True)
     assert json.loads((tmp_path / "out" / "result.json").read_text())["exit_code"] == 8

@@ -284,7 +284,17 @@ class Batch:
 
     def columns(self, fields: Sequence[str]) -> dict[str, Column]:
         """Return some fields of its messages, numbers and vectors of floats as arrays."""
-        messages = list(self.messages()) if fields else []
+        if not fields:
+            return {}
+        default: Any = msgspec.field
+        # To skip the other fields takes a fifth of the time.
+        rows = [
+            (row.name, row.type, default(default=row.default, default_factory=row.default_factory))
+            for row in msgspec.structs.fields(self._port.message_class)
+            if row.name in fields
+        ]
+        cls: Any = msgspec.defstruct("Columns", rows, kw_only=True, gc=False)
+        messages = list(map(Decoder(cls, self._port.type), self._data))
         return {name: _column([getattr(message, name) for message in messages]) for name in fields}
 
     def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:

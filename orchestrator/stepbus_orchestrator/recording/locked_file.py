@@ -1,0 +1,96 @@
+"""A file of complete writes, and that others can see is being written."""
+
+import contextlib
+import fcntl
+import os
+from pathlib import Path
+
+from isal.isal_zlib import crc32
+
+from stepbus_orchestrator.recording.records import HEAD
+from stepbus_participant import Disk, write_at, write_parts_at
+
+_BLOCK_BYTES = 1024 * 1024
+_COVER = 0x80
+"""A record of this type is skipped by every reader of MCAP."""
+
+
+class LockedFile:
+    """An append-only file of complete writes: one that fails leaves nothing behind.
+
+    Until it is closed, it is locked as a file that is being written.
+
+    disk: of the run. position: how much has been written [bytes]. All methods raise OSError.
+    """
+
+    def __init__(self, path: Path, disk: Disk = os) -> None:
+        self._path = path
+        self._disk = disk
+        self.position = 0
+        self._ahead = 0
+        # A named pipe that stands there would wait for a reader without O_NONBLOCK.
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOFOLLOW
+        self._file = disk.open(path, flags, 0o644)
+        # Where the file system has no locks, no other process sees that the file is being written.
+        with contextlib.suppress(OSError):
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def write(self, data: bytes, ahead: bytes = b"") -> None:
+        """Append all of `data`, or nothing of it; ahead: what the next `write` replaces."""
+        end = self.position + len(data)
+        over = self.position + self._ahead - end - len(ahead)
+        # A process that is killed here leaves no rubbish behind them, but one private record.
+        cover = HEAD.pack(_COVER, max(0, over - HEAD.size)) if over > 0 else b""
+        try:
+            write_parts_at(self._disk, self._file, (data, ahead, cover), self.position)
+            if cover:
+                self._disk.ftruncate(self._file, end + len(ahead))
+        except OSError:
+            self._ahead = 0
+            self._disk.ftruncate(self._file, self.position)
+            raise
+        self._ahead = len(ahead)
+        self.position = end
+
+    def write_ahead(self, data: bytes) -> bool:
+        """Append bytes that the next `write` replaces; return whether there was room for them."""
+        end = self.position + self._ahead
+        try:
+            write_at(self._disk, self._file, data, end)
+        except OSError:
+            with contextlib.suppress(OSError):
+                self._disk.ftruncate(self._file, end)
+            return False
+        self._ahead += len(data)
+        return True
+
+    def holds(self, crc: int) -> bool:
+        """Return whether the closed file has this checksum; it reads the whole file."""
+        found = 0
+        # Opening a pipe would wait for its other end.
+        if not self._path.is_file():
+            return False
+        with self._path.open("rb") as file:
+            while block := file.read(_BLOCK_BYTES):
+                found = crc32(block, found)
+        return found == crc
+
+    def close(self) -> None:
+        """Close the file; to be called once."""
+        # Also for children that have inherited it.
+        with contextlib.suppress(OSError):
+            fcntl.flock(self._file, fcntl.LOCK_UN)
+        with contextlib.suppress(OSError):
+            self._disk.close(self._file)
+
+
+def is_locked(file: int) -> bool:
+    """Return whether another process, or this one, is writing a file. file: a descriptor."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_UN)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
