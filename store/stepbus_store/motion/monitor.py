@@ -111,6 +111,8 @@ class CollisionMonitor:
 
     def __init__(self, settings: MonitorSettings) -> None:
         self._settings, self._params = settings, settings.params
+        self.range = settings.params.contact_range
+        """Range of the contact sensors [m]."""
         self._ground: set[str] = set()
         self._grasp = Grasp(settings)
         self._ours = settings.links

@@ -85,10 +85,7 @@ class MobileController(Participant):
         self._navigator: Navigator | None = None
         if self._ports.plan is not None:
             self._navigator = Navigator(
-                self._base,
-                self._arm.queries.next_id,
-                settings.arm.plan_timeout,
-                settings.avoidance.replans,
+                self._base, self._arm.queries.next_id, settings.arm.plan_timeout
             )
         self._executor = GoalExecutor(
             Parts(
@@ -99,8 +96,7 @@ class MobileController(Participant):
                 stow=settings.stow,
                 scale=Scale(settings.robot, settings.arm.tip),
             ),
-            monitor=CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
-            avoidance=settings.avoidance,
+            CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
         )
 
     def update(self, step: Step) -> Mapping[str, Message]:
