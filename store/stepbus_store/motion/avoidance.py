@@ -334,18 +334,16 @@ class Avoidance:
 
     def replan(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
         """Stop and ask for another path; return the end of a goal that cannot have one."""
-        most = REPLANS
         stopped = why if "; stopped" in why else f"{why}; stopped"
-        if self._replans == most:
-            tried = f", after {most} other path{'s' if most > 1 else ''}" if most else ""
-            return self._give_up(part, f"{stopped}{tried}", t)
+        if self._replans == REPLANS:
+            return self._give_up(part, f"{stopped}, after {REPLANS} other paths", t)
         self._replans += 1
         try:
             self._parts.arm.replan(t, touches=self.is_urgent)
         except RunError as exc:
             return self._give_up(part, f"{stopped}; {exc}", t)
         self._monitor_goal(goal, part)
-        text = f"{stopped}, asked for another path ({self._replans} of {most})"
+        text = f"{stopped}, asked for another path ({self._replans} of {REPLANS})"
         self._reports.status(goal.id, "running", text=text)
         self._reports.warn(text)
         return None
