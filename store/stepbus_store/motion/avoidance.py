@@ -67,9 +67,6 @@ class Avoidance:
         self._hindrance: Approach | None = None
         self._q: Vector | None = None
         self._retreat: ArmRetreat | None = None
-        self.slowest = ""
-        """The obstacle that slowed the goal down most, with its distance; empty: none."""
-        self._least_scale = 1.0
         self._is_beside = False
 
     @property
@@ -89,7 +86,6 @@ class Avoidance:
         What has happened to the base is not forgotten.
         """
         self._back_off, self._retreat, self._replans = None, None, 0
-        self.slowest, self._least_scale = "", 1.0
         self._is_beside = driving is not None
         self._monitor_goal(goal, part, driving)
 
@@ -121,10 +117,6 @@ class Avoidance:
         self._q = now.q
         self._sensed.update(watch.strange, is_moving=self._parts.arm.is_moving)
         self._monitor.wary = self._sensed.known
-        if watch.slow is not None and watch.scale < self._least_scale:
-            ours, other, gap = watch.slow
-            self._least_scale = watch.scale
-            self.slowest = f"{ours} is {gap * 1e3:.0f} mm from {other}"
         return watch.scale
 
     @property

@@ -178,15 +178,15 @@ class CollisionMonitor:
             self._closer(row, dt * (now + base_speed))
             for row, (now, _) in zip(closing, speeds, strict=True)
         ]
-        shares = [
-            (self._share(row, share * full), row)
+        shares = (
+            self._share(row, share * full)
             for row, share, (_, full) in zip(closing, closer, speeds, strict=True)
-        ]
-        scale, slowed = min(shares, key=lambda pair: pair[0], default=(1.0, None))
+        )
+        scale = min(shares, default=1.0)
         unseen = self._settings.unseen_speed(holding=bool(self.held))
         fastest = max((speed_of(pad)[1] for pad in self._params.pads), default=0.0)
         if fastest * scale > unseen and self._moves != "base":
-            scale, slowed = unseen / fastest, None
+            scale = unseen / fastest
         rooms = [
             row.distance / share
             for row, share in zip(closing, closer, strict=True)
@@ -198,7 +198,6 @@ class CollisionMonitor:
             gap=max(nearest.distance, 0.0) if nearest else self._params.slow_within,
             room=max(min(rooms, default=math.inf), 0.0),
             scale=scale,
-            slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
             strange=self._strange(closing, dt, speed_of, base_speed),
         )
 
