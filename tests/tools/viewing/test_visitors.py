@@ -11,13 +11,11 @@ from support.browser import Curves, needs_chromium, opened, picture
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
-from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.playback import Playback, open_recording
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.viewing.stage.server import open_page
 from stepbus_tools.viewing.stage.stage import free_part
-from stepbus_tools.viewing.stage.view import on_slider
 from stepbus_tools.viewing.viewpoint import Swept, framed
 
 BOX = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.4, 1.2])
@@ -98,13 +96,6 @@ def test_what_moves_is_framed_and_what_stands_is_not():
     assert swept.fixed[:, :, 0].tolist() == [pytest.approx([8.9, 9.1])]
 
 
-def test_many_marks_leave_the_serious_ones_on_the_slider():
-    marks = [Mark(t=number / 100, level="info", text="x") for number in range(99)]
-    signs = dict(on_slider([*marks, Mark(t=0.505, level="fault", text="y")], 2.0))
-    assert signs[0.505] == "✕"
-    assert (signs[2.0], len(signs)) == ("2", 25)
-
-
 # --- with a browser ---------------------------------------------------------------------------
 
 
@@ -135,8 +126,6 @@ def test_keys_step_play_and_jump_and_the_playhead_follows(page, recordings):
         slider.press("ArrowRight")
         wait(lambda: says(shown, "step 1 of 60"), "one step by the slider")
         wait(lambda: len(curves.lines("line")) == 1, "the first divergence in the curves")
-        signs = shown.locator(".mantine-Slider-markLabel").all_inner_texts()
-        assert "≠" in signs
     assert (watched.errors, watched.strangers) == ([], [])
 
 
