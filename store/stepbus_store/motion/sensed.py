@@ -87,11 +87,7 @@ class Collision(Pair):
     force: float
 
     def __str__(self) -> str:
-        return self.with_force(self.force)
-
-    def with_force(self, force: float) -> str:
-        """Return a sentence with another force [N], such as the largest so far."""
-        return f"{self.ours} touches {self.other} with {force:.1f} N"
+        return f"{self.ours} touches {self.other} with {self.force:.1f} N"
 
 
 @dataclass(frozen=True, kw_only=True)

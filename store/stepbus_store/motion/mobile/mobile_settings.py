@@ -75,7 +75,6 @@ class MobileSettings:
             tip_velocity=params.tip_velocity,
             tip_acceleration=params.tip_acceleration,
             tip_jerk=params.tip_jerk,
-            tip_turning=params.tip_turning,
             plan_timeout=params.plan_timeout,
             jam_lag=params.arm_lag,
         )

@@ -42,8 +42,6 @@ class Params(JointParams):
     """[m/s²]"""
     tip_jerk: Positive = 5.0
     """[m/s³]"""
-    tip_turning: Positive = 1.0
-    """Rotation speed of the tip [rad/s]."""
     plan_timeout: Positive = 5.0
     """Timeout for the planner's answer, in simulation time [s]."""
     base_speed: Positive = 0.5
