@@ -144,7 +144,7 @@ class Avoidance:
         text = f"{collision}; stopped"
         if part == "base" and self._parts.base is not None and self._monitor is not None:
             # To drive away from itself does not help.
-            own = self._monitor.is_own(collision)
+            own = self._monitor.is_ours(collision.other)
             distance = 0.0 if own else _BACK_OFF
             self._base_back_off = BaseBackOff(
                 self._parts.base, self._monitor, goal, collision, distance

@@ -190,7 +190,7 @@ class CollisionMonitor:
         rooms = [
             row.distance / share
             for row, share in zip(closing, closer, strict=True)
-            if not self._is_ours(row.other)
+            if not self.is_ours(row.other)
         ]
         return Watch(
             collision=self._hardest([*watched, *self._pressed()]),
@@ -238,7 +238,7 @@ class CollisionMonitor:
             row
             for row in self._closing
             if row.distance < self._params.base_halt
-            and not self._is_ours(row.other)
+            and not self.is_ours(row.other)
             and row.distance < self._gaps.get((row.ours, row.other), 0.0) - _CLOSER
             and (besides is None or row.other != besides[1])
         ]
@@ -246,10 +246,6 @@ class CollisionMonitor:
             return None
         nearest = min(close, key=lambda row: row.distance)
         return Approach(ours=nearest.ours, other=nearest.other, gap=nearest.distance)
-
-    def is_own(self, collision: Collision) -> bool:
-        """Return whether both belong to the robot, or are held by it."""
-        return self._is_ours(collision.other)
 
     def measured(self, approach: Approach) -> Approach:
         """Return an approach with the gap of this step."""
@@ -277,7 +273,7 @@ class CollisionMonitor:
         self, row: _Row, speed_of: Callable[[str], tuple[float, float]]
     ) -> tuple[float, float]:
         """Return how fast two links move, now and at the arm's full rate [m/s]."""
-        speeds = [speed_of(link) for link in (row.ours, row.other) if self._is_ours(link)]
+        speeds = [speed_of(link) for link in (row.ours, row.other) if self.is_ours(link)]
         return sum(now for now, _ in speeds), sum(full for _, full in speeds)
 
     def _closer(self, row: _Row, moved: float) -> float:
@@ -309,7 +305,8 @@ class CollisionMonitor:
             elif other in ours:
                 yield _Row(other, one, force, distance)
 
-    def _is_ours(self, link: str) -> bool:
+    def is_ours(self, link: str) -> bool:
+        """Return whether a link is the robot's, or held by it."""
         return link in self._ours
 
     def _is_allowed(self, row: _Row) -> bool:
@@ -350,7 +347,7 @@ class CollisionMonitor:
             return False
         if self.held in pair and pair & self._grasp.around:
             return False
-        both_ours = self._is_ours(row.other)
+        both_ours = self.is_ours(row.other)
         if self._moves == "base":
             return not both_ours
         stands = self._moves == "arm" and row.ours in self._settings.base_links

@@ -12,7 +12,6 @@ from stepbus_participant import Config, Participant, Step, installed_version
 from stepbus_schemas import (
     BaseState,
     Contacts,
-    ControllerStatus,
     Description,
     EmergencyStop,
     Goal,
@@ -162,12 +161,8 @@ class MobileController(Participant):
         if request is not None and ports.plan_request is not None:
             messages[ports.plan_request] = request
         if ports.status is not None:
-            error: list[float] = (target.position - now.q).tolist()
-            messages[ports.status] = ControllerStatus(
-                error=error,
-                saturated=[False] * len(error),
-                warnings=self._executor.reports.take_warnings(),
-            )
+            error = target.position - now.q
+            messages[ports.status] = self._executor.reports.controller_status(error)
         return messages
 
     def _request(self) -> PlanRequest | None:
