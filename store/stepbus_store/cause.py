@@ -16,7 +16,6 @@ class Cause(StrEnum):
     INVALID = "invalid"
     JAMMED = "jammed"
     LIMITS = "limits"
-    NO_FORCE = "no_force"
     NO_PATH = "no_path"
     NO_PLAN = "no_plan"
     NOT_HOLDABLE = "not_holdable"

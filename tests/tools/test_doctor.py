@@ -84,14 +84,6 @@ def test_a_package_that_cannot_be_loaded_fails_with_its_last_line(monkeypatch):
     assert "'no_such_module'" in found.text
 
 
-def test_a_current_folder_that_is_gone_fails(tmp_path, monkeypatch):
-    (tmp_path / "gone").mkdir()
-    monkeypatch.chdir(tmp_path / "gone")
-    (tmp_path / "gone").rmdir()
-    here, _ = doctor.disk()
-    assert (here.what, here.verdict) == ("disk, here", "fail")
-
-
 def test_a_message_that_does_not_come_through_fails(monkeypatch):
     monkeypatch.setattr(doctor, "_BUS_DEADLINE_S", 0.0)
     found = doctor.link("unix")

@@ -1,9 +1,7 @@
-"""Checks this machine for what stepbus needs: packages, the bus, disk, extras."""
+"""Checks this machine for what stepbus needs: packages, the bus, extras."""
 
 import contextlib
-import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -48,7 +46,6 @@ _PYTHON = re.compile(r'python_version (<|>=) "(\d+)\.(\d+)"')
 _LOAD_DEADLINE_S = 30.0
 _BUS_DEADLINE_S = 15.0
 _AGAIN_S = 0.01
-_DISK_BYTES = 1 << 30
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -64,7 +61,7 @@ class Finding(msgspec.Struct, frozen=True):
 
 def examine() -> list[Finding]:
     """Return all findings, the ones that others depend on first."""
-    return [*versions(), *loads(), *disk(), link("unix"), link("tcp"), *extras()]
+    return [*versions(), *loads(), link("unix"), link("tcp"), *extras()]
 
 
 # --- packages ----------------------------------------------------------------------------------
@@ -144,25 +141,6 @@ def extras() -> Iterator[Finding]:
             missing = f"; missing {', '.join(lacking)}: `{install_command(extra)}`"
             verdict: Verdict = "warn" if lacking else "ok"
             yield Finding(f"extra {extra}", verdict, text + (missing if lacking else ""))
-
-
-# --- the machine -------------------------------------------------------------------------------
-
-
-def disk() -> Iterator[Finding]:
-    """Check the free space for runs and sockets."""
-    for what, find in (("here", os.getcwd), ("temp", tempfile.gettempdir)):
-        try:
-            free = shutil.disk_usage(folder := find()).free
-        except OSError as exc:
-            text = f"cannot be used: {exc.strerror}; change to another folder, or set TMPDIR"
-            yield Finding(f"disk, {what}", "fail", text)
-        else:
-            yield Finding(
-                f"disk, {what}",
-                "ok" if free >= _DISK_BYTES else "warn",
-                f"{free / 1e9:.1f} GB free in {folder}",
-            )
 
 
 # --- the bus -----------------------------------------------------------------------------------

@@ -47,7 +47,10 @@ def result_metrics(result: Result) -> Metrics:
         kinds = {
             joint: kind
             for port in recording.of_type("JointState/1")
-            for joint, kind in zip(port.names, port.description.details.get("type", ()))  # noqa: B905  (none where the plant gives none)
+            # There are none where the plant gives none.
+            for joint, kind in zip(
+                port.names, port.description.details.get("type", ()), strict=False
+            )
         }
     values = {name: value for name, value in measured.items() if isinstance(value, int | float)}
     joints = [name for name in values if name.startswith("rmse.")]

@@ -14,7 +14,7 @@ Check = Callable[[StoreState], Outcome | None]
 """Returns the outcome of a state, or None while the state continues."""
 
 HOPELESS = (
-    Cause.ARM_JAMMED, Cause.INVALID, Cause.LIMITS, Cause.NO_ANSWER, Cause.NO_FORCE, Cause.NO_PLAN,
+    Cause.ARM_JAMMED, Cause.INVALID, Cause.LIMITS, Cause.NO_ANSWER, Cause.NO_PLAN,
     Cause.NOT_DONE, Cause.NOT_HOLDABLE, Cause.NOT_SETTLED, Cause.SINGULAR, Cause.TILTED,
     Cause.UNREACHABLE,
 )  # fmt: skip

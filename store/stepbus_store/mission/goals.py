@@ -270,26 +270,19 @@ def _touches(store: StoreState) -> list[str]:
 def _carried(store: StoreState) -> Spot:
     """Return where an item is carried: above the base, with the gripper aligned to it."""
     ahead, left = store.settings.carry
-    return _aligned(store, spot_of(store.inputs.odometry).ahead(ahead, left))
+    return spot_of(store.inputs.odometry).ahead(ahead, left)
 
 
 def _over_base(store: StoreState) -> Spot:
     """Return where an item is carried, in the frame of the base."""
     ahead, left = store.settings.carry
-    return Spot(x=ahead, y=left, yaw=store.settings.gripper_yaw)
+    return Spot(x=ahead, y=left, yaw=0.0)
 
 
 def _spot(store: StoreState) -> Spot:
     """Return the sale's spot in the outlet."""
     sale, _ = store.now
-    return _aligned(
-        store, store.in_odometry(store.settings.outlet_spot(sale.number - 1, store.planned))
-    )
-
-
-def _aligned(store: StoreState, spot: Spot) -> Spot:
-    """Return a spot with the heading of the gripper."""
-    return Spot(x=spot.x, y=spot.y, yaw=spot.yaw + store.settings.gripper_yaw)
+    return store.in_odometry(store.settings.outlet_spot(sale.number - 1, store.planned))
 
 
 def _placed_height(store: StoreState) -> float:

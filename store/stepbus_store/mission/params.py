@@ -59,20 +59,16 @@ class Shelf(Settings):
 
 
 class Outlet(Settings):
-    """Place for sold items: one spot per order, from left to right, the back row first."""
+    """Place for sold items: a row with one spot per order, from left to right."""
 
     position: Vector3
-    """Centre of the rows, on top of the outlet [m]."""
+    """Centre of the row, on top of the outlet [m]."""
     yaw: Finite = math.pi / 2
     """Heading of a robot that faces it [rad]."""
     pitch: Positive = 0.12
     """Distance between spots [m]."""
     length: Positive = 0.5
-    """Length of a row of spots [m]."""
-    rows: Count = 1
-    """Number of rows."""
-    depth: Positive = 0.14
-    """Distance between rows [m]."""
+    """Length of the row [m]."""
     link: Text = "outlet_top"
     """Link of the outlet; the gripper may touch it while placing an item."""
 
@@ -149,8 +145,6 @@ class Params(Settings):
     """Reference link of the detections."""
     tip: Text = "grasp"
     """Frame of the gripper: z along the approach, y along the opening."""
-    gripper_yaw: Finite = 0.0
-    """Rotation of the gripper about the vertical, e.g. π for the camera on the other side [rad]."""
     force: Positive = 15.0
     """Maximum force of each finger [N]; slip and weight determine how much is used."""
     opening: Positive = 0.09
@@ -203,11 +197,9 @@ class Params(Settings):
             if items.count(name) > 1:
                 yield ("orders",), f"item {name!r} is ordered twice"
         outlet = self.outlet
-        count = -(-len(self.orders) // outlet.rows)
+        count = len(self.orders)
         if count * outlet.pitch > outlet.length + 1e-9:
             text = f"{count} orders, {outlet.pitch:g} m apart, do not fit into {outlet.length:g} m"
-            if outlet.rows > 1:
-                text = f"{outlet.rows} rows for {len(self.orders)} orders: {text}"
             yield ("outlet",), text
 
     def _unknown_types(self) -> Iterator[tuple[Keys, str]]:
@@ -230,23 +222,18 @@ class Params(Settings):
         """
         outlet = self.outlet
         x, y, _ = outlet.position
-        width = -(-planned // outlet.rows)
-        row, column = divmod(number, width)
-        if number >= planned:
-            further, row = divmod(number - planned, outlet.rows)
-            column = -1 - further // 2 if further % 2 else width + further // 2
-        left = outlet.pitch * ((width - 1) / 2 - column)
-        behind = outlet.depth * ((outlet.rows - 1) / 2 - row)
-        return Spot(x=x, y=y, yaw=outlet.yaw).ahead(behind, left=left)
+        further, column = number - planned, number
+        if further >= 0:
+            column = -1 - further // 2 if further % 2 else planned + further // 2
+        left = outlet.pitch * ((planned - 1) / 2 - column)
+        return Spot(x=x, y=y, yaw=outlet.yaw).ahead(0.0, left=left)
 
     def is_in_outlet(self, number: int, planned: int) -> bool:
         """Return whether the spot of an order is on the outlet, as of `outlet_spot`."""
         outlet = self.outlet
         spot = self.outlet_spot(number, planned)
         away = math.hypot(spot.x - outlet.position[0], spot.y - outlet.position[1])
-        widest = math.hypot(outlet.length / 2 - outlet.pitch / 2, outlet.depth * outlet.rows / 2)
-        along = widest if outlet.rows > 1 else outlet.length / 2 - outlet.pitch / 2
-        return away <= along + 1e-9
+        return away <= (outlet.length - outlet.pitch) / 2 + 1e-9
 
 
 def unknown_type(given: str, types: Sequence[str]) -> str:

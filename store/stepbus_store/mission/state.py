@@ -288,7 +288,7 @@ class StoreState:
         """
         sale, item = self.now
         shelf = self.in_odometry(self.shelf(item))
-        along = shelf.yaw + self.settings.gripper_yaw + sale.approach.turn
+        along = shelf.yaw + sale.approach.turn
         return nearest_quarter(yaw, along) if item.measures.is_box else along
 
     def opening(self) -> float:

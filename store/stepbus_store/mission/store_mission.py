@@ -156,11 +156,9 @@ class StoreMission(Participant):
         self._robot_links = (
             frozenset(inputs[contacts].names) if contacts is not None else frozenset()
         )
-        tip = self._settings.prefix + self._settings.tip
         names, is_true = description.names, self._settings.verification == "truth"
         frame = self._settings.prefix + self._settings.base_frame
         self._true_base = TrueBase(names.index(frame)) if is_true and frame in names else None
-        self._tip = tip if tip in description.names else ""
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the goal of a new state, and the log entries of this step."""
@@ -206,17 +204,15 @@ class StoreMission(Participant):
         witness = self._store.witness
         if witness is not None and inputs.contacts is not None:
             witness.feel(inputs.contacts, self._robot_links, step.t_ns * 1e-9)
-        if witness is not None and step.is_new(self._ports.poses):
-            self._watch(self._store, witness)
+            if step.is_new(self._ports.poses):
+                self._watch(self._store, witness)
         return self._store
 
     def _watch(self, store: StoreState, witness: Witness) -> None:
         """Report items that others move."""
         inputs = store.inputs
         sold = store.sale.item.name if store.sale and store.sale.item else ""
-        unfelt = (self._tip, sold) if inputs.contacts is None else ()
-        near = [self._stock.pose(name, inputs.poses)[0] for name in unfelt if name]
-        for moved in witness.watch(inputs.poses, inputs.t_ns * 1e-9, near, sold):
+        for moved in witness.watch(inputs.poses, inputs.t_ns * 1e-9, sold):
             text = f"{moved.item} was moved by {moved.distance * 1e3:.1f} mm, not by the robot"
             store.log.append(("warning", text))
 

@@ -1,7 +1,7 @@
 """Who moved an item: the robot, or another body."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from stepbus_schemas import Contacts, Point, Poses
@@ -9,9 +9,6 @@ from stepbus_store.mission.stock import Measures, Stock
 
 _FASTEST = 1.0
 """The robot moves nothing faster than this [m/s]."""
-
-_NEAR = 0.25
-"""How near to it the robot may have moved an item, where nothing senses what it touches [m]."""
 
 _GAP = 5e-3
 """How near what the robot moves may have come to an item without a sample that shows it [m]."""
@@ -36,7 +33,7 @@ class Witness:
 
     An item is moved by the robot if, when it starts to move, the robot has just touched it, or if
     something that the robot moves, which may be another item, comes as near as to push it. It is
-    moved by others if it does not, or if it jumps.
+    moved by others if it does not, or if it jumps. Without `watch`, the robot has moved them all.
 
     tolerance: displacement from which an item counts as moved [m].
     """
@@ -57,11 +54,10 @@ class Witness:
             if (force > 0.0 or gap < _GAP) and not set(links).isdisjoint(pair):
                 self._felt.update((name, t) for name in pair if name in self._rest)
 
-    def watch(self, poses: Poses, t: float, near: Sequence[Point], besides: str) -> list[Moved]:
+    def watch(self, poses: Poses, t: float, besides: str) -> list[Moved]:
         """Compare with the poses at a time [s]; return items that others have started to move.
 
-        near: where the robot is, if nothing senses what it touches. besides: the item that the
-        robot moves on purpose.
+        besides: the item that the robot moves on purpose.
         """
         farthest, self._at = _FASTEST * (t - self._at), t
         where = {name: self._stock.pose(name, poses)[0] for name in self._rest}
@@ -69,7 +65,7 @@ class Witness:
         starts = [n for n, now in moves.items() if n != besides and self._starts(n, now)]
         jumps = {n for n in starts if math.dist(self._last[n], moves[n]) > farthest}
         self._by_robot |= dict.fromkeys(starts, False)
-        self._by_robot |= {n: True for n in starts if n not in jumps and self._is_felt(n, near)}
+        self._by_robot |= {n: True for n in starts if n not in jumps and self._is_felt(n)}
         while pushed := [
             n for n in starts if n not in jumps and self._is_pushed(n, moves, besides)
         ]:
@@ -88,9 +84,7 @@ class Witness:
     def _starts(self, name: str, now: Point) -> bool:
         return name not in self._by_robot and math.dist(self._rest[name], now) > self._tolerance
 
-    def _is_felt(self, name: str, near: Sequence[Point]) -> bool:
-        if any(math.dist(self._rest[name], at) < _NEAR for at in near):
-            return True
+    def _is_felt(self, name: str) -> bool:
         return name in self._felt and self._at - self._felt[name] <= _FELT_FOR
 
     def _is_pushed(self, name: str, moves: Mapping[str, Point], besides: str) -> bool:

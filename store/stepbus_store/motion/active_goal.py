@@ -96,10 +96,9 @@ class UnderWay:
             self.avoidance.join(self.active.goal, self.active.part)
 
     def _timed(self, goal: Goal, outcome: Outcome) -> Outcome:
-        """Return a success that names how much longer than requested it took, and why."""
+        """Return a success that names how much longer than requested it took."""
         took = self.parts.arm.took
         if took is None or goal.duration == 0.0 or took <= goal.duration * _LATE + 0.02:
             return outcome
-        why = self.avoidance.slowest or "the arm cannot be faster within its limits"
-        text = f"took {took:.2f} s instead of {goal.duration:.2f} s: {why}; {outcome.text}"
+        text = f"took {took:.2f} s instead of {goal.duration:.2f} s; {outcome.text}"
         return Outcome(state="succeeded", cause=Cause.SLOWER, text=text)

@@ -7,6 +7,7 @@ from stepbus_kinematics import Vector
 from stepbus_schemas import Goal, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.motion.monitor import CollisionMonitor
+from stepbus_store.motion.navigator import REPLANS
 from stepbus_store.motion.outcome import Measured, Outcome, Reports
 from stepbus_store.motion.parts import MOVES, Part, Parts
 from stepbus_store.motion.retreat import ArmRetreat, BaseBackOff
@@ -21,20 +22,12 @@ _APART = 5e-3
 _COMES = 2e-3
 """What needs less than this to stop does not come closer, but is measured with noise [m]."""
 
+_BACK_OFF = 0.05
+"""How far the robot goes back from what it has touched [m]."""
 
-@dataclass(frozen=True, kw_only=True)
-class AvoidanceSettings:
-    """Settings of the reaction to obstacles on the path.
-
-    back_off: how far the robot goes back from what it has touched [m]. stop_within: an arm on a
-    planner's path stops before something is closer [m]; must be less than the planner's margin.
-    replans: how often a goal may get another path. range: of the contacts [m].
-    """
-
-    back_off: float = 0.05
-    stop_within: float = 0.004
-    replans: int = 3
-    range: float = 0.08
+_STOP_WITHIN = 0.004
+"""On a planner's path, an arm stops before something is closer; less than the planner's margin
+[m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,12 +51,10 @@ class Avoidance:
         parts: Parts,
         reports: Reports,
         monitor: CollisionMonitor | None,
-        settings: AvoidanceSettings,
     ) -> None:
         self._parts = parts
         self._reports = reports
         self._monitor = monitor
-        self._settings = settings
         self._watch: Watch | None = None
         self._touched: tuple[str, str] | None = None
         self._is_slow = False
@@ -72,13 +63,10 @@ class Avoidance:
         self._base_back_off: BaseBackOff | None = None
         self._near: Approach | None = None
         self._replans = 0
-        self._sensed = SensedThings(settings.stop_within)
+        self._sensed = SensedThings(_STOP_WITHIN)
         self._hindrance: Approach | None = None
         self._q: Vector | None = None
         self._retreat: ArmRetreat | None = None
-        self.slowest = ""
-        """The obstacle that slowed the goal down most, with its distance; empty: none."""
-        self._least_scale = 1.0
         self._is_beside = False
 
     @property
@@ -98,7 +86,6 @@ class Avoidance:
         What has happened to the base is not forgotten.
         """
         self._back_off, self._retreat, self._replans = None, None, 0
-        self.slowest, self._least_scale = "", 1.0
         self._is_beside = driving is not None
         self._monitor_goal(goal, part, driving)
 
@@ -130,10 +117,6 @@ class Avoidance:
         self._q = now.q
         self._sensed.update(watch.strange, is_moving=self._parts.arm.is_moving)
         self._monitor.wary = self._sensed.known
-        if watch.slow is not None and watch.scale < self._least_scale:
-            ours, other, gap = watch.slow
-            self._least_scale = watch.scale
-            self.slowest = f"{ours} is {gap * 1e3:.0f} mm from {other}"
         return watch.scale
 
     @property
@@ -142,11 +125,12 @@ class Avoidance:
 
         What contacts do not report may be just beyond their range.
         """
-        if self._watch is None:
+        if self._watch is None or self._monitor is None:
             return math.inf
-        room = min(self._watch.room, self._settings.range)
+        reach = self._monitor.range
+        room = min(self._watch.room, reach)
         # Where the arm moves beside the base, each of them may use up one half.
-        return room / 2 if self._is_beside and room < self._settings.range else room
+        return room / 2 if self._is_beside and room < reach else room
 
     def new_collision(self) -> Collision | None:
         """Return a collision when it starts; each pair of links once for each goal."""
@@ -160,8 +144,8 @@ class Avoidance:
         text = f"{collision}; stopped"
         if part == "base" and self._parts.base is not None and self._monitor is not None:
             # To drive away from itself does not help.
-            own = self._monitor.is_own(collision)
-            distance = 0.0 if own else self._settings.back_off
+            own = self._monitor.is_ours(collision.other)
+            distance = 0.0 if own else _BACK_OFF
             self._base_back_off = BaseBackOff(
                 self._parts.base, self._monitor, goal, collision, distance
             )
@@ -170,8 +154,8 @@ class Avoidance:
             self._parts.rest(part, t)
             return Outcome(state="failed", cause=Cause.COLLISION, text=text)
         may_replan = part == "arm" and self._parts.arm.follows_plan
-        length = self._parts.back_off_arm(t, self._settings.back_off)
-        replans = may_replan and length > 0.0 and self._replans < self._settings.replans
+        length = self._parts.back_off_arm(t, _BACK_OFF)
+        replans = may_replan and length > 0.0 and self._replans < REPLANS
         text = f"{text}, backed off {length * 1e3:.0f} mm" if length > 0.0 else text
         failure = Outcome(state="failed", cause=Cause.COLLISION, text=text)
         self._back_off = _BackOff(failure=failure, collision=collision, replans=replans)
@@ -254,7 +238,7 @@ class Avoidance:
         near, room = self._nearest
         if near is None or (near.pair == left.pair and not self._is_apart):
             return ""
-        comes = near.gap - room > _COMES and room < self._settings.stop_within
+        comes = near.gap - room > _COMES and room < _STOP_WITHIN
         return str(near) if comes else ""
 
     def approach(self, goal: Goal, part: Part, t: float) -> Outcome | None:
@@ -333,7 +317,7 @@ class Avoidance:
             return self._give_up(part, f"{why}; stopped; another path leads there again", t)
         if self._hindrance is None:
             return self.replan(goal, part, why, t)
-        distance, is_urgent = self._settings.back_off, self.is_urgent
+        distance, is_urgent = _BACK_OFF, self.is_urgent
         self._retreat = ArmRetreat(
             self._parts, self._hindrance, why, distance, t, is_urgent=is_urgent
         )
@@ -342,18 +326,16 @@ class Avoidance:
 
     def replan(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
         """Stop and ask for another path; return the end of a goal that cannot have one."""
-        most = self._settings.replans
         stopped = why if "; stopped" in why else f"{why}; stopped"
-        if self._replans == most:
-            tried = f", after {most} other path{'s' if most > 1 else ''}" if most else ""
-            return self._give_up(part, f"{stopped}{tried}", t)
+        if self._replans == REPLANS:
+            return self._give_up(part, f"{stopped}, after {REPLANS} other paths", t)
         self._replans += 1
         try:
             self._parts.arm.replan(t, touches=self.is_urgent)
         except RunError as exc:
             return self._give_up(part, f"{stopped}; {exc}", t)
         self._monitor_goal(goal, part)
-        text = f"{stopped}, asked for another path ({self._replans} of {most})"
+        text = f"{stopped}, asked for another path ({self._replans} of {REPLANS})"
         self._reports.status(goal.id, "running", text=text)
         self._reports.warn(text)
         return None

@@ -155,7 +155,7 @@ class BranchSolver:
             return [solution.q]
         inside = [turns for branch in branches if (turns := self._turns(branch, q))]
         if not inside:
-            raise Refused(Cause.LIMITS, self._limits_text(tip, target, q, branches))
+            raise Refused(Cause.LIMITS, self._limits_text(branches))
         regular = [turns for turns in inside if self.smallest(tip, turns[0]) >= SINGULAR_BELOW]
         if not regular:
             best = max(self.smallest(tip, turns[0]) for turns in inside)
@@ -219,18 +219,13 @@ class BranchSolver:
         robot = self._robot
         return robot.overload(q, robot.chain(tip), self._effort_share)
 
-    def _limits_text(self, tip: str, target: Any, q: Vector, branches: Sequence[Vector]) -> str:
+    def _limits_text(self, branches: Sequence[Vector]) -> str:
         robot = self._robot
-        rows = [self._excess(branch) for branch in branches]
-        excess = min(rows, key=lambda row: float(row.max()))
-        branch = branches[next(i for i, row in enumerate(rows) if row is excess)]
-        worst = int(np.argmax(excess))
-        closest = self.search.solve(tip, target, q)
+        branch = min(branches, key=lambda one: float(self._excess(one).max()))
+        worst = int(np.argmax(self._excess(branch)))
         return (
             f"out of limits: {robot.joints[worst]} would have to go to {branch[worst]:.3f} rad, "
-            f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}]; within them the "
-            f"closest pose is {closest.position_error * 1e3:.1f} mm and "
-            f"{math.degrees(closest.orientation_error):.1f}° away"
+            f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}]"
         )
 
     def _excess(self, branch: Vector) -> Vector:

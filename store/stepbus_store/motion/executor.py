@@ -3,7 +3,7 @@
 from stepbus_schemas import Goal, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.motion.active_goal import Active, UnderWay
-from stepbus_store.motion.avoidance import Avoidance, AvoidanceSettings
+from stepbus_store.motion.avoidance import Avoidance
 from stepbus_store.motion.beside_goals import Companion
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.outcome import Measured, Outcome, Reports, failure_of
@@ -147,17 +147,10 @@ class GoalExecutor:
     new goal, then the commands of the parts, then what `reports` has to publish.
     """
 
-    def __init__(
-        self,
-        parts: Parts,
-        *,
-        monitor: CollisionMonitor | None = None,
-        avoidance: AvoidanceSettings | None = None,
-    ) -> None:
+    def __init__(self, parts: Parts, monitor: CollisionMonitor | None = None) -> None:
         self.reports = Reports()
         self._parts = parts
-        settings = avoidance or AvoidanceSettings()
-        self._avoidance = Avoidance(parts, self.reports, monitor, settings)
+        self._avoidance = Avoidance(parts, self.reports, monitor)
         self._goals = UnderWay(parts, self.reports, self._avoidance)
         self._beside = BesideBase(self._goals)
         self._measured: Measured | None = None

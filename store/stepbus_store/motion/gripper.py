@@ -120,10 +120,8 @@ class Gripper:
                 f"width {goal.width:g} m is out of reach (0 to {self._params.gripper_widest:g} m)"
             )
             raise Refused(Cause.INVALID, text)
-        if not (math.isfinite(goal.force) and goal.force >= 0.0):
-            raise Refused(Cause.INVALID, f"force {goal.force:g} N is invalid")
-        if goal.force == 0.0:
-            raise Refused(Cause.NO_FORCE, "force is 0 N: the fingers would not move")
+        if not (math.isfinite(goal.force) and goal.force > 0.0):
+            raise Refused(Cause.INVALID, f"force {goal.force:g} N would not move the fingers")
         closes, self._most, self._slipped = goal.width < state.width, goal.force, 0.0
         force = min(self._params.first_force, goal.force) if closes else goal.force
         self._goal = self._command = GripperCommand(width=goal.width, force=force)

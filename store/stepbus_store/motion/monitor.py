@@ -111,6 +111,8 @@ class CollisionMonitor:
 
     def __init__(self, settings: MonitorSettings) -> None:
         self._settings, self._params = settings, settings.params
+        self.range = settings.params.contact_range
+        """Range of the contact sensors [m]."""
         self._ground: set[str] = set()
         self._grasp = Grasp(settings)
         self._ours = settings.links
@@ -176,19 +178,19 @@ class CollisionMonitor:
             self._closer(row, dt * (now + base_speed))
             for row, (now, _) in zip(closing, speeds, strict=True)
         ]
-        shares = [
-            (self._share(row, share * full), row)
+        shares = (
+            self._share(row, share * full)
             for row, share, (_, full) in zip(closing, closer, speeds, strict=True)
-        ]
-        scale, slowed = min(shares, key=lambda pair: pair[0], default=(1.0, None))
+        )
+        scale = min(shares, default=1.0)
         unseen = self._settings.unseen_speed(holding=bool(self.held))
         fastest = max((speed_of(pad)[1] for pad in self._params.pads), default=0.0)
         if fastest * scale > unseen and self._moves != "base":
-            scale, slowed = unseen / fastest, None
+            scale = unseen / fastest
         rooms = [
             row.distance / share
             for row, share in zip(closing, closer, strict=True)
-            if not self._is_ours(row.other)
+            if not self.is_ours(row.other)
         ]
         return Watch(
             collision=self._hardest([*watched, *self._pressed()]),
@@ -196,7 +198,6 @@ class CollisionMonitor:
             gap=max(nearest.distance, 0.0) if nearest else self._params.slow_within,
             room=max(min(rooms, default=math.inf), 0.0),
             scale=scale,
-            slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
             strange=self._strange(closing, dt, speed_of, base_speed),
         )
 
@@ -237,7 +238,7 @@ class CollisionMonitor:
             row
             for row in self._closing
             if row.distance < self._params.base_halt
-            and not self._is_ours(row.other)
+            and not self.is_ours(row.other)
             and row.distance < self._gaps.get((row.ours, row.other), 0.0) - _CLOSER
             and (besides is None or row.other != besides[1])
         ]
@@ -245,10 +246,6 @@ class CollisionMonitor:
             return None
         nearest = min(close, key=lambda row: row.distance)
         return Approach(ours=nearest.ours, other=nearest.other, gap=nearest.distance)
-
-    def is_own(self, collision: Collision) -> bool:
-        """Return whether both belong to the robot, or are held by it."""
-        return self._is_ours(collision.other)
 
     def measured(self, approach: Approach) -> Approach:
         """Return an approach with the gap of this step."""
@@ -276,7 +273,7 @@ class CollisionMonitor:
         self, row: _Row, speed_of: Callable[[str], tuple[float, float]]
     ) -> tuple[float, float]:
         """Return how fast two links move, now and at the arm's full rate [m/s]."""
-        speeds = [speed_of(link) for link in (row.ours, row.other) if self._is_ours(link)]
+        speeds = [speed_of(link) for link in (row.ours, row.other) if self.is_ours(link)]
         return sum(now for now, _ in speeds), sum(full for _, full in speeds)
 
     def _closer(self, row: _Row, moved: float) -> float:
@@ -308,7 +305,8 @@ class CollisionMonitor:
             elif other in ours:
                 yield _Row(other, one, force, distance)
 
-    def _is_ours(self, link: str) -> bool:
+    def is_ours(self, link: str) -> bool:
+        """Return whether a link is the robot's, or held by it."""
         return link in self._ours
 
     def _is_allowed(self, row: _Row) -> bool:
@@ -349,7 +347,7 @@ class CollisionMonitor:
             return False
         if self.held in pair and pair & self._grasp.around:
             return False
-        both_ours = self._is_ours(row.other)
+        both_ours = self.is_ours(row.other)
         if self._moves == "base":
             return not both_ours
         stands = self._moves == "arm" and row.ours in self._settings.base_links

@@ -15,6 +15,9 @@ _A_MOMENT = 0.6
 _PATIENCE = 20.0
 """How long it waits where there is no way around [s]."""
 
+REPLANS = 3
+"""How often a goal may get another route of the base, or path of the arm."""
+
 
 @dataclass(kw_only=True)
 class _Trip:
@@ -40,16 +43,12 @@ class Navigator:
     """Lets a base drive to a pose along a planner's route; one goal at a time.
 
     next_id: makes the ids of requests, which the arm's share. timeout: for an answer [s].
-    replans: how often a goal may get another route.
     """
 
-    def __init__(
-        self, base: BaseMotion, next_id: Callable[[], int], timeout: float, replans: int
-    ) -> None:
+    def __init__(self, base: BaseMotion, next_id: Callable[[], int], timeout: float) -> None:
         self._base = base
         self._next_id = next_id
         self._timeout = timeout
-        self._most = replans
         self._trip: _Trip | None = None
         self._unsent: PlanRequest | None = None
         self._verdict: Outcome | None = None
@@ -179,11 +178,11 @@ class Navigator:
     def replan(self, why: str) -> str:
         """Ask for another route once the base stands; return a sentence, or nothing: no more."""
         trip = self._trip
-        if trip is None or trip.replans >= self._most:
+        if trip is None or trip.replans >= REPLANS:
             return ""
         trip.replans += 1
         trip.drives, trip.asked_at, trip.route = False, None, None
-        return f"{why}; asked for another route ({trip.replans} of {self._most})"
+        return f"{why}; asked for another route ({trip.replans} of {REPLANS})"
 
     def check(self, end: Outcome | None, t: float) -> Outcome | None:
         """Return how the goal ended at a time [s]; end: of the base's motion."""

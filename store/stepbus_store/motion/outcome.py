@@ -10,6 +10,7 @@ from stepbus_kinematics import JointOrder, RobotModel, Vector
 from stepbus_schemas import (
     BaseState,
     Contacts,
+    ControllerStatus,
     Description,
     GoalState,
     GoalStatus,
@@ -89,10 +90,11 @@ class Reports:
         """Return the oldest status that was not published yet; None: there is none."""
         return self._statuses.popleft() if self._statuses else None
 
-    def take_warnings(self) -> list[str]:
-        """Return the warnings that were not published yet."""
+    def controller_status(self, error: Vector) -> ControllerStatus:
+        """Return an error, shape (n,) [rad], with the warnings that were not published yet."""
         warnings, self._warnings = self._warnings, []
-        return warnings
+        saturated = [False] * len(error)
+        return ControllerStatus(error=error.tolist(), saturated=saturated, warnings=warnings)
 
 
 class JointSensor:

@@ -81,7 +81,6 @@ class BaseBackOff:
         self._monitor = monitor
         self._goal = goal
         self._collision = collision
-        self._peak = collision.force
         self._start: BaseState | None = None
         self._obstacle = ""
         base.halt()
@@ -89,8 +88,6 @@ class BaseBackOff:
 
     def check(self, collision: Collision | None) -> Outcome | None:
         """Return the end of the goal once the base stands; collision: one that has just started."""
-        force, _ = self._monitor.touch(self._collision.pair)
-        self._peak = max(self._peak, force)
         if self._base.is_halting:
             return None
         if self._start is None:
@@ -100,7 +97,7 @@ class BaseBackOff:
             self._look_back(collision)
         if self._base.is_moving:
             return None
-        text = f"{self._collision.with_force(self._peak)}; stopped{self._measured(self._start)}"
+        text = f"{self._collision}; stopped{self._measured(self._start)}"
         return Outcome(state="failed", cause=Cause.COLLISION, text=text)
 
     def _look_back(self, collision: Collision | None) -> None:

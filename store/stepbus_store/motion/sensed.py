@@ -87,11 +87,7 @@ class Collision(Pair):
     force: float
 
     def __str__(self) -> str:
-        return self.with_force(self.force)
-
-    def with_force(self, force: float) -> str:
-        """Return a sentence with another force [N], such as the largest so far."""
-        return f"{self.ours} touches {self.other} with {force:.1f} N"
+        return f"{self.ours} touches {self.other} with {self.force:.1f} N"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,8 +108,7 @@ class Watch:
     not touch, and `gap` its distance [m]; None: nothing is near. strange: the pairs of which one is
     no link of the robot, and the distance that the hardest stop of the arm would leave, below 0: it
     would not; the least one first. room: for the base, the distance to the closest thing, longer
-    for what it passes by [m]. scale: share of the full speed, 0 to 1; slow: the pair that it is
-    for, and their distance [m].
+    for what it passes by [m]. scale: share of the full speed, 0 to 1.
     """
 
     collision: Collision | None
@@ -121,7 +116,6 @@ class Watch:
     gap: float
     scale: float
     room: float = math.inf
-    slow: tuple[str, str, float] | None = None
     strange: tuple[tuple[Approach, float], ...] = ()
 
 

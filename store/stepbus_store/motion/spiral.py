@@ -141,15 +141,13 @@ class SpiralPlanner:
         if wanted is None:
             raise Refused(Cause.INVALID, "type spiral needs spiral: centre, radius, turns")
         numbers = (*wanted.centre, *wanted.radius, wanted.turns, wanted.rise)
-        if not all(map(math.isfinite, numbers)) or min(wanted.radius) <= 0 or wanted.turns == 0:
+        is_small = all(abs(number) <= FARTHEST for number in numbers)
+        if not (is_small and min(wanted.radius) > 0 and 0 < abs(wanted.turns) <= _MOST_TURNS):
             raise Refused(
                 Cause.INVALID,
                 f"radius {wanted.radius}, turns {wanted.turns:g} and rise {wanted.rise:g} make no "
-                "spiral: radii above 0 and turns other than 0 are needed",
+                f"spiral: radii above 0 and up to {_MOST_TURNS} turns, other than 0, are needed",
             )
-        if max(map(abs, numbers)) > FARTHEST or abs(wanted.turns) > _MOST_TURNS:
-            text = f"turns {wanted.turns:g}, at most {_MOST_TURNS}; lengths up to {FARTHEST:g} m"
-            raise Refused(Cause.INVALID, f"the spiral is too large: {text}")
         centre = frame.act(np.array(wanted.centre))
         beside = self._robot.frame_pose(q, goal.tip).translation - centre
         # From the side where the tip is; right above the centre any side is as good.
@@ -173,20 +171,11 @@ class SpiralPlanner:
             pose, _ = spiral.at(index / gaps)
             while not self._solver.is_reachable(tip, pose, q):
                 if raised[index] >= _MOST_RAISED - 1e-9:
-                    self._explain(tip, spiral.at(index / gaps)[0], q, index)
+                    text = f"point {index} of the spiral, also raised by {_MOST_RAISED:g} m"
+                    raise Refused(Cause.UNREACHABLE, f"unreachable: {text}")
                 raised[index] += _RAISE_BY
                 pose.translation = pose.translation + np.array([0, 0, _RAISE_BY])
         return replace(spiral, raised=raised)
-
-    def _explain(self, tip: str, pose: Any, q: Vector, index: int) -> None:
-        try:
-            self._solver.solve(tip, pose, q)
-        except Refused as exc:
-            x, y, z = pose.translation
-            text = f"point {index} of the spiral at ({x:.3f}, {y:.3f}, {z:.3f}) m is {exc}"
-            raise Refused(
-                exc.cause, f"{text}; raising it by {_MOST_RAISED:g} m did not help"
-            ) from exc
 
     def _path(self, tip: str, spiral: SpiralCurve, start: Vector, target: Any) -> SpiralPath:
         spiral, around = self._around(tip, spiral, start)

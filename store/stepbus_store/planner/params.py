@@ -37,10 +37,6 @@ class Params(Settings):
     """Link that a held object moves with."""
     margin: NonNegative = 0.01
     """Minimum distance of the robot to obstacles and to itself [m]."""
-    held_margin: NonNegative = 0.003
-    """Minimum distance of a held object to everything else [m]."""
-    path_margin: NonNegative = 0.003
-    """Minimum distance of the robot on a path that is only checked, such as a line [m]."""
     base_radius: Positive = 0.385
     """Clearance of the base's origin on its route, which lets it turn anywhere [m]."""
     base_half_width: Positive = 0.36

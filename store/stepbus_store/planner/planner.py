@@ -48,7 +48,7 @@ def _read_planning(config: Config, params: Params, robot: PlannedRobot) -> Plann
     )
     return PlanningSettings(
         tip=params.tip,
-        margins=Margins(robot=params.margin, held=params.held_margin, path=params.path_margin),
+        margins=Margins(robot=params.margin),
         limits=limits,
         max_checks=params.max_checks,
         # Whole steps, if they are below 20 ms.

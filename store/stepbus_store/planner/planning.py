@@ -1,6 +1,5 @@
 """From a request to a plan."""
 
-import difflib
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import Vector
+from stepbus_participant import suggest
 from stepbus_schemas import Plan, PlanRequest, Point, Poses
 from stepbus_store.cause import Cause
 from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
@@ -171,9 +171,8 @@ class _Planning:
             raise NoPlan(Cause.BAD_REQUEST, "the poses of the world are not known yet")
         for name in dict.fromkeys([request.held, *request.touches]):
             if name and name not in links:
-                close = difflib.get_close_matches(name, links, n=1)
-                hint = f"did you mean {close[0]!r}?" if close else f"it has {len(links)} others"
-                raise NoPlan(Cause.BAD_REQUEST, f"the world has no link {name!r}; {hint}")
+                text = f"the world has no link {name!r}{suggest(name, links)}"
+                raise NoPlan(Cause.BAD_REQUEST, text)
         if request.bases and map_in_world is None:
             raise NoPlan(Cause.BAD_REQUEST, "bases need a request of the base before them")
         here = self._obstacles.placements(poses)

@@ -120,6 +120,7 @@ def test_an_item_that_others_move_fails_no_sale(column, by):
     store = FakeStore(
         shelf_a(("cola", 2), ("water", column)),
         pushes={("down", 1): (f"water_a1_{column}", by)},
+        feels=True,
     )
     result = sell(store)
     assert result.end == "1 of 1 sales are done"

@@ -45,6 +45,9 @@ def test_items_know_their_shelf_by_their_name():
     ]
 
 
+TOUCH = Contacts(pairs=[("cola_a1_1", "pad")], force=[3.0], distance=[0.0], position=[(0, 0, 0)])
+
+
 def watched(*points):
     goods = stock(*(f"cola_a1_{number}" for number, _ in enumerate(points, 1)))
     return Witness(goods, poses(*points), 0.002)
@@ -52,29 +55,24 @@ def watched(*points):
 
 def test_what_the_robot_has_touched_it_has_moved():
     witness, now = watched((0, 0, 0)), poses((0.003, 0, 0))
-    touch = Contacts(
-        pairs=[("cola_a1_1", "forearm")], force=[3.0], distance=[0.0], position=[(0, 0, 0)]
-    )
-    witness.feel(touch, ["forearm"], 0.0)
-    assert witness.watch(now, 0.1, [(9, 0, 0)], "") == []
+    witness.feel(TOUCH, ["pad"], 0.0)
+    assert witness.watch(now, 0.1, "") == []
     assert witness.largest(now, "")[1] == "cola_a1_1"
 
 
 def test_what_the_robot_knocks_over_knocks_over_the_next_one():
     witness = watched((0, 0, 0), (0.12, 0, 0))
-    witness.watch(poses((0.01, 0, 0), (0.12, 0, 0)), 0.1, [(-0.15, 0, 0)], "")
+    witness.feel(TOUCH, ["pad"], 0.0)
+    witness.watch(poses((0.01, 0, 0), (0.12, 0, 0)), 0.1, "")
     now = poses((0.04, 0, 0), (0.15, 0, 0))
-    assert witness.watch(now, 0.2, [], "") == []
+    assert witness.watch(now, 0.2, "") == []
     assert witness.largest(now, "cola_a1_1") == (pytest.approx(0.03), "cola_a1_2")
 
 
 def test_what_the_robot_touched_long_ago_others_may_have_moved():
-    witness, touch = (
-        watched((0, 0, 0)),
-        Contacts(pairs=[("cola_a1_1", "pad")], force=[3.0], distance=[0.0], position=[(0, 0, 0)]),
-    )
-    witness.feel(touch, ["pad"], 0.0)
-    (moved,) = witness.watch(poses((0.003, 0, 0)), 5.0, [], "")
+    witness = watched((0, 0, 0))
+    witness.feel(TOUCH, ["pad"], 0.0)
+    (moved,) = witness.watch(poses((0.003, 0, 0)), 5.0, "")
     assert moved.item == "cola_a1_1"
 
 
@@ -82,42 +80,41 @@ def test_a_post_beside_the_gripper_pushes_what_the_robot_does_not_touch():
     witness = watched((0, 0, 0), (0.1, 0, 0))
     # Between the pads, 34 mm from its neighbour.
     held = [poses((0, 0, z), (0.1, y, 0)) for z, y in ((0.01, 0.0), (0.02, 0.01))]
-    assert witness.watch(held[0], 0.05, [], "cola_a1_1") == []
-    (moved,) = witness.watch(held[1], 0.1, [], "cola_a1_1")
+    assert witness.watch(held[0], 0.05, "cola_a1_1") == []
+    (moved,) = witness.watch(held[1], 0.1, "cola_a1_1")
     assert moved.item == "cola_a1_2"
     assert witness.largest(held[1], "cola_a1_1") == (0.0, "")
 
 
 def test_what_is_carried_pushes_what_it_comes_near():
     witness = watched((0, 0, 0), (0.1, 0, 0))
-    assert witness.watch(poses((0.03, 0, 0), (0.1, 0, 0)), 0.05, [], "cola_a1_1") == []
-    assert witness.watch(poses((0.045, 0, 0), (0.111, 0, 0)), 0.1, [], "cola_a1_1") == []
+    assert witness.watch(poses((0.03, 0, 0), (0.1, 0, 0)), 0.05, "cola_a1_1") == []
+    assert witness.watch(poses((0.045, 0, 0), (0.111, 0, 0)), 0.1, "cola_a1_1") == []
     assert witness.largest(poses((0.05, 0, 0), (0.12, 0, 0)), "cola_a1_1")[1] == "cola_a1_2"
 
 
 def test_what_is_carried_over_an_item_pushes_it_as_little_as_one_behind_it():
     witness = watched((0, 0, 0.3), (0.1, 0, 0))
-    witness.watch(poses((0.05, 0, 0.3), (0.1, 0, 0)), 0.05, [], "cola_a1_1")
-    assert len(witness.watch(poses((0.09, 0, 0.3), (0.11, 0, 0)), 0.1, [], "cola_a1_1")) == 1
+    witness.watch(poses((0.05, 0, 0.3), (0.1, 0, 0)), 0.05, "cola_a1_1")
+    assert len(witness.watch(poses((0.09, 0, 0.3), (0.11, 0, 0)), 0.1, "cola_a1_1")) == 1
 
 
 def test_an_item_is_pushed_by_one_that_is_pushed_in_whatever_order_they_are_listed():
     witness = watched((0.2, 0, 0), (0.1, 0, 0), (0, 0, 0))
     now = poses((0.22, 0, 0), (0.14, 0, 0), (0.06, 0, 0))
-    assert witness.watch(now, 0.1, [], "cola_a1_3") == []
+    assert witness.watch(now, 0.1, "cola_a1_3") == []
     assert witness.largest(now, "cola_a1_3") == (pytest.approx(0.04), "cola_a1_2")
 
 
 def test_what_others_moved_is_reported_once_and_may_be_moved_by_the_robot_later():
-    witness, here = watched((0, 0, 0)), [(0.5, 0, 0)]
-    assert witness.watch(poses((0.5, 0, 0)), 0.1, here, "") == [
-        Moved(item="cola_a1_1", distance=0.5)
-    ]
-    assert witness.watch(poses((0.501, 0, 0)), 0.2, here, "") == []
+    witness = watched((0, 0, 0))
+    assert witness.watch(poses((0.5, 0, 0)), 0.1, "") == [Moved(item="cola_a1_1", distance=0.5)]
+    assert witness.watch(poses((0.501, 0, 0)), 0.2, "") == []
     assert witness.largest(poses((0.501, 0, 0)), "") == (0.0, "")
-    witness.watch(poses((0.501, 0, 0)), 0.3, here, "")
+    witness.watch(poses((0.501, 0, 0)), 0.3, "")
+    witness.feel(TOUCH, ["pad"], 0.3)
     pushed = poses((0.504, 0, 0))
-    assert witness.watch(pushed, 0.4, here, "") == []
+    assert witness.watch(pushed, 0.4, "") == []
     assert witness.largest(pushed, "") == (pytest.approx(0.003), "cola_a1_1")
 
 

@@ -104,7 +104,7 @@ def test_a_hand_that_something_blocks_without_being_held_is_stuck():
 
 @pytest.mark.parametrize(
     ("width", "force", "cause"),
-    [(0.05, 0.0, "no_force"), (0.05, -1.0, "invalid"), (0.2, 5.0, "invalid"),
+    [(0.05, 0.0, "invalid"), (0.05, -1.0, "invalid"), (0.2, 5.0, "invalid"),
      (float("nan"), 5.0, "invalid"), (0.05, float("nan"), "invalid")],
 )  # fmt: skip
 def test_a_grip_without_sense_is_refused(width, force, cause):

@@ -58,5 +58,5 @@ def replay_all(paths):
     assert not stepbus.replay(paths[0], "controller", program=[*program, "track:other"]).equal
     with pytest.raises(stepbus.RunFailure, match="the recording names no policy; give one"):
         stepbus.replay(paths[0], "controller", program=program)
-    with pytest.raises(stepbus.RunFailure, match="no module 'nosuch'"):
+    with pytest.raises(stepbus.RunFailure, match="No module named 'nosuch'"):
         stepbus.replay(paths[0], "controller", program=[*program, "nosuch:act"])

@@ -106,6 +106,14 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
             ],
         ),
         (
+            ["--vary", "seed=1,2", "--batch", "3", "--sampling", "sobol", "--maximize"],
+            [
+                "batch: is only for an optimizer",
+                "sampling: no axis has",
+                "optimize: needs the name",
+            ],
+        ),
+        (
             [
                 *("--vary", "controller.params.kp=1:5", "--optimize", "rmsee"),
                 *("--trials", "3", "--repeats", "2", "--samples", "5"),

@@ -1,7 +1,7 @@
 """A policy as a participant of its own."""
 
-import importlib
 import math
+import pkgutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -88,31 +88,23 @@ class LoadedPolicy(PolicyParticipant):
 def load_policy(name: str, folders: Sequence[Path]) -> Callable[[Vector], Any]:
     """Return the policy, a function of an observation, that `module:function` names.
 
-    A class is made once. folders: searched before the installed modules. Raises WiringError where
-    there is none.
+    A class is made once. folders: searched before the installed modules. Raises WiringError for
+    a name that leads to no function.
     """
-    module_name, _, attribute = name.partition(":")
-    if not module_name or not attribute.isidentifier():
-        raise WiringError(f"{name!r} is not a policy; write module:function, e.g. my_policy:act")
     path = list(sys.path)
     try:
         sys.path[:0] = map(str, folders)
-        module = importlib.import_module(module_name)
-    except ModuleNotFoundError as exc:
-        where = " or ".join(map(str, folders))
-        raise WiringError(
-            f"policy {name}: no module {exc.name!r} in {where}, or installed"
-        ) from exc
+        loaded = pkgutil.resolve_name(name)
+        policy: Callable[[Vector], Any] = loaded() if isinstance(loaded, type) else loaded
     except Exception as exc:
-        raise WiringError(f"policy {name} cannot be imported: {error_text(exc)}") from exc
+        where = " or ".join(map(str, folders))
+        text = f"policy {name}: {error_text(exc)}; write module:function, of a module in {where}"
+        raise WiringError(text) from exc
     finally:
         sys.path[:] = path
-    loaded = getattr(module, attribute, None)
-    policy: Any = loaded() if isinstance(loaded, type) else loaded
     if not callable(policy):
-        raise WiringError(f"module {module_name!r} has no function {attribute!r}")
-    made: Callable[[Vector], Any] = policy
-    return made
+        raise WiringError(f"policy {name} is not a function; write module:function")
+    return policy
 
 
 def checked_action(action: Any, size: int, step: int) -> Vector:

@@ -165,10 +165,10 @@ class Conformance(Command, work="checks", group="test", is_run=True):
 
 
 class Doctor(Command, work="checks", group="test"):
-    """Check this machine: versions, bus, disk, extras.
+    """Check this machine: versions, bus, extras.
 
-    Checks versions, native libraries, the bus (with a message), disk space and missing extras. Exit
-    code 1: something is broken.
+    Checks versions, native libraries, the bus (with a message) and missing extras. Exit code 1:
+    something is broken.
 
     $ stepbus doctor
     """

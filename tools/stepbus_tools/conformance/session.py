@@ -25,8 +25,6 @@ from stepbus_tools.conformance.transcript import Transcript
 
 _DRAIN_S = 5.0
 _TICK_S = 0.02
-# A poll counts for at most this long, as in a run: a machine that slept is not its fault.
-_LONGEST_TICK_S = 0.25
 # The last messages of a process may arrive a little after its end.
 _LAST_LINES_S = 0.1
 # After this time, a query that did not reach all who reply on `join` is dropped, and repeated.
@@ -233,15 +231,12 @@ class Session:
         self, condition: Callable[[], object], timeout_s: float, tick: Callable[[], None] | None
     ) -> None:
         """Wait for a condition, or until a time is over; tick: repeated meanwhile."""
-        waited_s, checked = 0.0, time.monotonic()
-        while not condition() and waited_s <= timeout_s:
+        end = time.monotonic() + timeout_s
+        while not condition() and time.monotonic() <= end:
             if self._interrupt.is_set():
                 raise Interrupted("interrupted")
             if not self.poll() and tick is not None:
                 tick()
-            now = time.monotonic()
-            waited_s += min(now - checked, _LONGEST_TICK_S)
-            checked = now
 
     def until(
         self,

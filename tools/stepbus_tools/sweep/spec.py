@@ -70,6 +70,9 @@ class Spec(Settings):
         return fields
 
 
+_USUAL = Spec(scenario="")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """A sweep that can run.
@@ -163,8 +166,13 @@ def _contradictions(spec: Spec, axes: Sequence[Axis | None]) -> Iterator[tuple[K
         yield ("vary",), "needs at least one axis, e.g. controller.params.kp=50:200:7"
     if spec.optimize is not None:
         yield from _optimizer_problems(spec, spec.optimize)
-    elif spec.trials or spec.maximize:
-        yield ("optimize",), "needs the name of a metric, as trials are for an optimizer"
+    else:
+        if spec.trials or spec.maximize:
+            yield ("optimize",), "needs the name of a metric, as trials are for an optimizer"
+        if spec.batch != _USUAL.batch:
+            yield ("batch",), "is only for an optimizer"
+        if spec.sampling != _USUAL.sampling and not any(a is None or a.distribution for a in axes):
+            yield ("sampling",), "no axis has a distribution to sample"
     for number, axis in enumerate(axes):
         if axis is None:
             continue
@@ -181,9 +189,8 @@ def _optimizer_problems(spec: Spec, name: str) -> Iterator[tuple[Keys, str]]:
     if not spec.trials:
         text = "an optimizer needs a number of runs in --trials, e.g. 100"
         yield ("trials",), text
-    usual = Spec(scenario="")
     for key in ("samples", "repeats", "sampling"):
-        if getattr(spec, key) != getattr(usual, key):
+        if getattr(spec, key) != getattr(_USUAL, key):
             yield (key,), "the optimizer chooses the runs; remove it"
     # Metrics of the user's own are known later.
     if not (spec.metrics or name in BUILTIN or name.startswith("rmse.")):

@@ -24,7 +24,6 @@ from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Framing, Stage, add_l
 from stepbus_tools.viewing.stage.view import (
     View,
     failure_banner,
-    on_slider,
     plain_topics,
     stop_banner,
 )
@@ -113,7 +112,7 @@ class Playback:
         if failures := "".join(banners):
             self._gui.add_html(failures, order=_TOP)
         self._stop = self._gui.add_html("", order=_TOP)
-        self._slider = self._add_slider(())
+        self._slider = self._add_slider()
         self._add_controls(self._gui)
         compared = runs if histories[1:] else ()
         self.view = View(server, scenes[0], recording.ports, self._sample, compared)
@@ -156,15 +155,14 @@ class Playback:
 
     # --- the controls ---------------------------------------------------------------------
 
-    def _add_slider(self, marks: Sequence[Mark]) -> Any:
+    def _add_slider(self) -> Any:
         end_s, step_s = max(self._history.end_ns * 1e-9, 1e-6), self._history.step_ns / 1e9
         slider = self._gui.add_slider(
             "time [s]",
             min=0.0,
             max=end_s,
             step=step_s,
-            initial_value=min(self._t_ns * 1e-9, end_s),
-            marks=on_slider(marks, end_s),
+            initial_value=0.0,
             order=_TOP + 1,
         )
         slider.on_update(self._dragged)
@@ -217,8 +215,6 @@ class Playback:
         self.jumps = {mark.label: self._step_at(mark.t) for mark in self._marks}
         self._jump.options = (_JUMP, *self.jumps)
         self._jump.visible = bool(self.jumps)
-        self._slider.remove()
-        self._slider = self._add_slider(self._marks)
         self.view.tell(self._marks)
 
     # --- time -----------------------------------------------------------------------------

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from stepbus_kinematics import SelfCollisions
 from stepbus_participant import Config, Participant, Ports, Step, installed_version
 from stepbus_schemas import (
-    ControllerStatus,
     Description,
     Goal,
     JointState,
@@ -97,12 +96,8 @@ class ArmController(Participant):
         if status is not None:
             messages[self._goal_status_port] = status
         if self._status_port is not None:
-            error: list[float] = (target.position - now.q).tolist()
-            messages[self._status_port] = ControllerStatus(
-                error=error,
-                saturated=[False] * len(error),
-                warnings=self._executor.reports.take_warnings(),
-            )
+            error = target.position - now.q
+            messages[self._status_port] = self._executor.reports.controller_status(error)
         return messages
 
     def _sense(self, step: Step) -> None:

@@ -12,7 +12,6 @@ from stepbus_participant import Config, Participant, Step, installed_version
 from stepbus_schemas import (
     BaseState,
     Contacts,
-    ControllerStatus,
     Description,
     EmergencyStop,
     Goal,
@@ -85,10 +84,7 @@ class MobileController(Participant):
         self._navigator: Navigator | None = None
         if self._ports.plan is not None:
             self._navigator = Navigator(
-                self._base,
-                self._arm.queries.next_id,
-                settings.arm.plan_timeout,
-                settings.avoidance.replans,
+                self._base, self._arm.queries.next_id, settings.arm.plan_timeout
             )
         self._executor = GoalExecutor(
             Parts(
@@ -99,8 +95,7 @@ class MobileController(Participant):
                 stow=settings.stow,
                 scale=Scale(settings.robot, settings.arm.tip),
             ),
-            monitor=CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
-            avoidance=settings.avoidance,
+            CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
         )
 
     def update(self, step: Step) -> Mapping[str, Message]:
@@ -166,12 +161,8 @@ class MobileController(Participant):
         if request is not None and ports.plan_request is not None:
             messages[ports.plan_request] = request
         if ports.status is not None:
-            error: list[float] = (target.position - now.q).tolist()
-            messages[ports.status] = ControllerStatus(
-                error=error,
-                saturated=[False] * len(error),
-                warnings=self._executor.reports.take_warnings(),
-            )
+            error = target.position - now.q
+            messages[ports.status] = self._executor.reports.controller_status(error)
         return messages
 
     def _request(self) -> PlanRequest | None:

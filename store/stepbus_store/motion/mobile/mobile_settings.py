@@ -5,7 +5,6 @@ from dataclasses import replace
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import Config, Ports, Problems, suggest
 from stepbus_schemas import RunError
-from stepbus_store.motion.avoidance import AvoidanceSettings
 from stepbus_store.motion.back_to_rest import StowCondition
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import make_limits, make_robot
@@ -76,33 +75,25 @@ class MobileSettings:
             tip_velocity=params.tip_velocity,
             tip_acceleration=params.tip_acceleration,
             tip_jerk=params.tip_jerk,
-            tip_turning=params.tip_turning,
             plan_timeout=params.plan_timeout,
             jam_lag=params.arm_lag,
         )
         self.stow = StowCondition(
             robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
         )
-        self.avoidance = AvoidanceSettings(
-            back_off=params.back_off,
-            stop_within=params.stop_within,
-            replans=params.replans,
-            range=params.contact_range,
-        )
 
 
 def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSettings:
     links = robot.links
     wheels = tuple(name for name in links if "wheel" in name or "caster" in name)
-    ours = links if params.robot_links is None else params.robot_links
     ignore = wheels if params.ignore is None else params.ignore
-    for key, names in (("robot_links", ours), ("pads", params.pads), ("ignore", ignore)):
+    for key, names in (("pads", params.pads), ("ignore", ignore)):
         for name in names:
             if name not in links:
                 problems.add((key,), f"link {name!r} is not in the model{suggest(name, links)}")
     return MonitorSettings(
         params=params,
-        links=frozenset(ours),
+        links=frozenset(links),
         base_links=frozenset(name for name in links if not robot.chain(name).size),
         ignore=frozenset(ignore),
     )

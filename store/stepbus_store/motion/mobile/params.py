@@ -10,7 +10,6 @@ from stepbus_participant import (
     Positive,
     PositivePerJoint,
     Text,
-    Whole,
     each,
 )
 from stepbus_participant.parameters import Keys
@@ -43,8 +42,6 @@ class Params(JointParams):
     """[m/s²]"""
     tip_jerk: Positive = 5.0
     """[m/s³]"""
-    tip_turning: Positive = 1.0
-    """Rotation speed of the tip [rad/s]."""
     plan_timeout: Positive = 5.0
     """Timeout for the planner's answer, in simulation time [s]."""
     base_speed: Positive = 0.5
@@ -96,8 +93,6 @@ class Params(JointParams):
     """Slip along the pads after which the gripper grips harder [m]."""
     pad_friction: Positive = 0.4
     """Assumed friction between a pad and a held object, to compute the force for its weight [-]."""
-    robot_links: Names | None = None
-    """Links whose contacts are monitored. Default: all links of the model."""
     pads: Names = ("left_pad", "right_pad")
     """The two links of the gripper that touch a held object."""
     ignore: Names | None = None
@@ -117,12 +112,6 @@ class Params(JointParams):
     """Lag behind its command from which a joint of the arm counts as jammed [rad]."""
     arm_creep: Positive = 0.02
     """Lowest speed of a link near obstacles [m/s]."""
-    back_off: NonNegative = 0.05
-    """Distance that the robot backs off from what it touched [m]."""
-    stop_within: NonNegative = 0.004
-    """Distance of an obstacle at which the arm stops on a planned path [m]."""
-    replans: Whole = 3
-    """Maximum number of replanned paths per goal."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the gripper."""

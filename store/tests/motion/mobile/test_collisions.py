@@ -71,7 +71,7 @@ def test_a_base_that_cannot_get_away_says_so(robot):
     robot.touching = [("chassis", "crate", 45.0, 0.0)]
     robot.jammed = True
     robot.run(8.0)
-    text = "chassis touches crate with 45.0 N; stopped, backed off 0 mm by odometry"
+    text = "chassis touches crate with 30.0 N; stopped, backed off 0 mm by odometry"
     assert robot.news[-1].text == f"{text}, still touches it with 45.0 N"
     assert robot.commands[-1]["base"].vx == 0.0
 

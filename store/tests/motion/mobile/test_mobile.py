@@ -151,17 +151,10 @@ def test_a_message_that_is_none_is_refused_in_one_sentence(tmp_path, message, se
         robot.stand.update(1, **{**robot.sense(), **message})
 
 
-def test_a_duration_that_could_not_be_kept_is_reported_with_the_reason(robot):
-    robot.touching = [("hand", "post", 0.0, 0.003)]
-    end = robot.go(0, "move_joints", joints=["pan"], values=[0.9], duration=1.5)
-    assert (end.state, end.cause) == ("succeeded", "slower")
-    assert "s instead of 1.50 s: hand is 3 mm" in end.text
-
-
 def test_a_duration_that_the_limits_do_not_allow_is_reported(robot):
     end = robot.go(0, "move_joints", joints=["pan"], values=[1.5], duration=0.5)
-    assert end.cause == "slower"
-    assert "s instead of 0.50 s: the arm" in end.text
+    assert (end.state, end.cause) == ("succeeded", "slower")
+    assert "s instead of 0.50 s; " in end.text
 
 
 def test_a_duration_that_was_kept_is_not_worth_a_word(robot):

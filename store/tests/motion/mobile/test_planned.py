@@ -242,19 +242,19 @@ def test_what_is_touched_on_a_planned_way_is_left_first_and_then_gone_around(pla
 
 
 def test_a_goal_is_given_other_ways_so_many_times_and_no_more(tmp_path):
-    robot = Robot(config(tmp_path, plans=True, replans=1))
+    robot = Robot(config(tmp_path, plans=True))
     robot.start(0, "move_joints", joints=["pan"], values=[0.8])
-    for number in range(2):
+    for requests in (2, 3, 4, 4):
         robot.step(plan=answered(robot.requests[-1]))
         robot.run(0.3)
         robot.step(plan=Plan(id=robot.requests[-1].id, cause="blocked", text="a cat"))
         robot.run(0.5)
-        assert len(robot.requests) == 2, number
+        assert len(robot.requests) == requests
     end = robot.news[-1]
     assert (end.state, end.cause, end.text) == (
         "failed",
         "no_path",
-        "a cat; stopped, after 1 other path",
+        "a cat; stopped, after 3 other paths",
     )
     assert np.abs(robot.v).max() < 1e-9
 

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from support.services.control import Stand
 from support.services.mission_store import STEP_NS, FakeStore, config
 
-from stepbus_schemas import (
-    RunError,
-)
+from stepbus_schemas import Contacts, RunError
 from stepbus_store.mission.goals import GOALS
 from stepbus_store.mission.store_mission import StoreMission
 
@@ -46,8 +44,9 @@ def sell(store: FakeStore, steps: int = 20_000, ask=None, **params) -> Result:
     ask: gets the mission before its step 50, to call it.
     """
     localized = store.drift is not None
-    mission = StoreMission(config(localized=localized, requests=store.requested, **params))
-    mission.start({port: store.description() for port in ("poses", "planogram")})
+    given = {"localized": localized, "requests": store.requested, "feels": store.feels}
+    mission = StoreMission(config(**given, **params))
+    mission.start({port: store.description() for port in ("poses", "planogram", "contacts")})
     walked = _watch(mission)
     stand = Stand(mission)
     result = Result([], [], [], "", "", "", walked)
@@ -61,6 +60,8 @@ def sell(store: FakeStore, steps: int = 20_000, ask=None, **params) -> Result:
             "imu": store.imu(),
             "stop": store.switch(index * STEP_NS * 1e-9),
         }
+        if store.feels:
+            messages["contacts"] = Contacts(pairs=[], force=[], distance=[], position=[])
         if localized:
             messages |= {"poses": store.planogram, "pose": store.pose()}
         if store.news and (status := store.news.pop(0)) is not None:

@@ -46,10 +46,12 @@ PARAMS = {
 }
 
 
-def config(*, localized: bool = False, requests: bool = False, **params) -> Config:
+def config(
+    *, localized: bool = False, requests: bool = False, feels: bool = False, **params
+) -> Config:
     """Return the configuration of a mission; localized: wired as in `store`, else `store/truth`.
 
-    requests: whether it asks for images.
+    requests: whether it asks for images. feels: whether contacts are sensed.
     """
     inputs = {
         "poses": "Poses/1",
@@ -62,6 +64,8 @@ def config(*, localized: bool = False, requests: bool = False, **params) -> Conf
     }
     if localized:
         inputs |= {"planogram": "Poses/1", "pose": "BaseState/1"}
+    if feels:
+        inputs["contacts"] = "Contacts/1"
     outputs = {"goal": "Goal/1", "events": "Event/1", "summary": "Event/1"}
     if requests:
         outputs["camera"] = "CameraTrigger/1"
@@ -113,7 +117,7 @@ class FakeStore:
     frame: that the detections say they are given in. drift: where the map has the origin of
     odometry, x, y, yaw [m, rad]; then the mission gets a planogram and a pose instead of the truth.
     requested: the camera waits for requests; loses: how many of these it loses. covered: share of
-    every spot that is hidden.
+    every spot that is hidden. feels: contacts are sensed; there never are any.
     """
 
     things: dict[str, Thing]
@@ -138,6 +142,7 @@ class FakeStore:
     tips: bool = False
     seen_width: float | None = None
     frame: str = "chassis"
+    feels: bool = False
     drift: tuple | None = None
     requested: bool = False
     loses: int = 0

@@ -7,11 +7,8 @@ from PIL import Image as Pillow
 from support.messages.recordings import write
 
 from stepbus_orchestrator.cli.entry import main
-from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import Description, Image, Poses, WiringError
-from stepbus_tools.viewing.exports.caption import Caption
-from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.pose import Pose
@@ -110,36 +107,20 @@ def test_a_film_has_the_size_the_rate_and_the_span_that_are_asked_for(moving, tm
     assert [t for t, _ in frames] == pytest.approx([n / 50 for n in range(11)])
 
 
-def strip(pixels):
-    """The dark pixels of the caption: all of it, and those of the clock."""
-    dark = (pixels.astype(int) < 130).all(axis=2)[-28:]
-    return dark.sum(), dark[:, -110:]
-
-
-@pytest.mark.slow
-def test_a_caption_says_whose_run_it_is_and_a_clock_runs(moving, tmp_path):
-    assert main(["export", str(moving), "--video", str(tmp_path / "a.mp4")]) == 0
-    frames = [pixels for _, pixels in decoded(tmp_path / "a.mp4")]
-    (whole, first), (_, last) = strip(frames[0]), strip(frames[-1])
-    assert whole > first.sum() > 20
-    # The last digits have changed, the unit has not.
-    assert (first[:, :80] != last[:, :80]).sum() > 20
-    assert (first[:, -24:] != last[:, -24:]).sum() < 10
-
-
-def test_a_caption_says_how_a_run_ended_when_it_ends(moving):
+def test_a_film_shows_the_time_the_scenario_and_how_the_run_ended(moving, tmp_path):
     Result(
         scenario="moving", outcome="finished", exit_code=0, reason="finished", participant=None,
         at_step=0, steps=1, step_ns=1, seed=0, window=1, transport="unix", start_s=0.0, wall_s=1.0,
         real_time_factor=1.0, sha256="", folder=str(moving.parent),
     ).save()  # fmt: skip
-    with Recording(moving) as recording:
-        history = History(recording)
-        caption, end_ns = Caption(history, (640, 360)), history.end_ns
-        plain = np.full((360, 640, 3), 255, np.uint8)
-        before, after = (caption.on(plain, t_ns).astype(int) for t_ns in (0, end_ns))
-    green = [((row[:, :, 1] - row[:, :, 0]) > 40).sum() for row in (before, after)]
-    assert green[0] == 0 < green[1]
+    assert main(["export", str(moving), "--video", str(tmp_path / "a.mp4")]) == 0
+    frames = [pixels for _, pixels in decoded(tmp_path / "a.mp4")]
+    before, middle, end = (
+        (f[-40:].astype(int) < 100).all(axis=2) for f in frames[:: len(frames) // 2]
+    )
+    assert before.sum() > 50
+    assert (before != middle).sum() > 10
+    assert end.sum() > middle.sum() + 50
 
 
 @pytest.mark.slow
@@ -162,8 +143,8 @@ def test_the_camera_sees_all_that_moves_during_the_film(tmp_path):
         (["--video", "a.mp4", "--size", "8x8"], "16 to 4096"),
         (["--video", "a.mp4", "--fps", "0"], "more than 0 and at most 120"),
         (["--video", "a.mp4", "--fps", "many"], "frames per second"),
-        (["--video", "a.mp4", "--from", "9s"], "--from 9s is past the end of"),
-        (["--video", "a.mp4", "--from", "200ms", "--to", "0.1s"], "--to 0.1s is not after"),
+        (["--video", "a.mp4", "--from", "9s"], "no image in this time range"),
+        (["--video", "a.mp4", "--from", "200ms", "--to", "0.1s"], "no image in this time range"),
         (["--video", "a.mp4", "--to", "5"], "is not a duration"),
         (["--csv", "a.csv", "--fps", "10"], "--fps goes with --video"),
         (["--video", "a.avi"], "is not a video file: write .mp4 or .gif"),

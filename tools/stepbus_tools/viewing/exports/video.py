@@ -13,17 +13,17 @@ import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_participant import format_duration, need, parse_duration
+from stepbus_orchestrator.run.result import result_beside
+from stepbus_participant import need, parse_duration
 from stepbus_schemas import Image, StepbusError, WiringError
 from stepbus_tools.look import PAPER
+from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.exports.exporter import NS, Exported, Rate, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter, Pixels, pixels_of
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.viewpoint import parse_viewpoint, swept
 from stepbus_tools.whole_file import replaced
-
-from .caption import Caption
 
 _FRAMES_PER_S = 25.0
 _MOST_FRAMES_PER_S = 120.0
@@ -39,7 +39,10 @@ _RARE_NS = 1_000_000_000
 """Images that are farther apart on the average make no film [ns]."""
 _TICK = Fraction(1, 90_000)
 """The unit of times in an MP4 [s]; whole ones between the frames at any usual rate."""
-
+_READABLE = (160, 90)
+"""Smaller frames have no room for words [pixels]."""
+_LAST_NS = 50_000_000
+"""How near to the end of a run the last frame of a film is."""
 
 Shot = tuple[int, Pixels]
 """Simulation time [ns] and picture, shape (height, width, 3)."""
@@ -105,11 +108,6 @@ def write(
 def _plan(history: History, size: str, fps: str, start: str, end: str) -> _Plan:
     """Return what the options ask for; raises WiringError where they do not fit."""
     start_ns, end_ns = _time(start, 0), min(_time(end, history.end_ns), history.end_ns)
-    if start and start_ns >= history.end_ns:
-        name, length = history.recording.path, format_duration(max(history.end_ns, 1))
-        raise WiringError(f"--from {start} is past the end of {name} ({length})")
-    if end and start_ns >= end_ns:
-        raise WiringError(f"--to {end} is not after --from {start or '0s'}")
     try:
         rate = float(fps) if fps else None
     except ValueError:
@@ -197,12 +195,26 @@ def _drawn(history: History, viewpoint: str, plan: _Plan) -> Iterator[Shot]:
 
 
 def _captioned(history: History, shots: Iterator[Shot], reached: Reached) -> Iterator[Shot]:
-    """Yield frames with a caption and a clock."""
-    caption: Caption | None = None
+    """Yield frames with the time and the scenario on them, and at the end how the run ended."""
+    images, drawing, fonts = need("text in a video", "PIL.Image", "PIL.ImageDraw", "PIL.ImageFont")
+    name, result = scenario_name(history.recording), result_beside(history.recording)
+    ending = f"   {result.outcome} {result.cause}" if result else ""
     for t_ns, pixels in shots:
         height, width, _ = pixels.shape
-        caption = caption or Caption(history, (width, height))
-        yield t_ns, caption.on(pixels, t_ns)
+        frame = images.fromarray(np.ascontiguousarray(pixels))
+        if width >= _READABLE[0] and height >= _READABLE[1]:
+            size = max(11, height // 28)
+            has_ended = t_ns >= history.end_ns - _LAST_NS
+            drawing.Draw(frame).text(
+                (size, height - size),
+                f"{t_ns * 1e-9:.2f} s   {name}{ending if has_ended else ''}".rstrip(),
+                fill=PAPER["ink"],
+                font=fonts.load_default(size),
+                anchor="ls",
+                stroke_width=2,
+                stroke_fill=PAPER["paper"],
+            )
+        yield t_ns, np.asarray(frame)
         reached(t_ns // history.step_ns)
 
 

@@ -2,7 +2,7 @@
 
 import html
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from stepbus_orchestrator.run.result import Result
@@ -137,32 +137,6 @@ def _held(topic: str, message: object) -> str:
         seen = ", ".join(f"{count} × {kind}" for kind, count in sorted(counts.items()))
         return f"**{topic}** {seen or 'nothing detected'}"
     return ""
-
-
-_SIGNS = {
-    "fault": "✕", "failure": "✕", "error": "✕", "warning": "▲", "divergence": "≠",
-    "goal": "•", "call": "•", "info": "•",
-}  # fmt: skip
-"""Level → its sign on the slider; front.css has the colours of these. The serious come first."""
-_ORDER = tuple(_SIGNS)
-_MOST_ON_SLIDER = 24
-_NEAR = 0.04
-"""Of the slider: so near to its end, a sign takes the place of the number there."""
-
-
-def on_slider(marks: Iterable[Mark], end_s: float) -> tuple[tuple[float, str], ...]:
-    """Return the marks of a slider, with their signs: the most serious ones where there are many.
-
-    end_s: of the slider, which has its ends as marks too, where there is room.
-    """
-    by_time: dict[float, str] = {}
-    for mark in sorted(marks, key=lambda one: _ORDER.index(one.level)):
-        if len(by_time) < _MOST_ON_SLIDER and mark.t <= end_s + 1e-9:
-            by_time.setdefault(round(mark.t, 6), _SIGNS[mark.level])
-    ends = {0.0: "0", end_s: f"{end_s:.3g}"}
-    near = _NEAR * end_s
-    ends = {at: text for at, text in ends.items() if all(abs(at - t) > near for t in by_time)}
-    return tuple(sorted((ends | by_time).items()))
 
 
 def listed(marks: Sequence[Mark], most: int) -> str:
