@@ -15,10 +15,11 @@ from stepbus_tools.viewing.playback import Playback, open_recording
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.viewing.stage.server import open_page
-from stepbus_tools.viewing.stage.stage import free_part
+from stepbus_tools.viewing.stage.stage import add_light, drawn, free_part
 from stepbus_tools.viewing.viewpoint import Swept, framed
 
 BOX = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.4, 1.2])
+RED = (200, 30, 30)
 
 
 def record(folder, *overrides):
@@ -238,3 +239,18 @@ def test_axe_finds_nothing_serious(page, recordings, width, scheme):
             problems += [(tab, one["id"], one["nodes"][0]["html"]) for one in found
                          if one["impact"] in ("serious", "critical")]  # fmt: skip
         assert problems == []
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_a_colour_is_seen_as_it_was_meant(page):
+    add_light(page.server.scene)
+    page.server.scene.add_icosphere("/ball", radius=1.0, color=drawn(RED))
+    page.server.initial_camera.position = (1.2, -2.0, 3.2)
+    page.server.initial_camera.look_at = (0.0, 0.0, 0.0)
+    with opened(page.address, 600, 600) as watched:
+
+        def seen():
+            return picture(watched.page).getpixel((300, 330))
+
+        watched.wait(lambda: seen() == pytest.approx(RED, abs=20), f"{RED}, not {seen()}")

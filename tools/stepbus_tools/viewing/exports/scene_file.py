@@ -49,7 +49,8 @@ def scene_html(recording: Recording, reached: Reached) -> tuple[str, Sequence[st
     name = scenario_name(recording)
     page = open_page(name)
     try:
-        stage = Stage(page.server, scene)
+        # The light is viser's: its player switches that on again whenever it starts anew.
+        stage = Stage(page.server, scene, shade=lambda color: color)
         first = history.at(scene.topics, times[0])
         stage.move(scene.poses(first))
         shown, camera = swept(scene, history), page.server.initial_camera

@@ -1,7 +1,12 @@
-"""A scene on a page: its nodes, what moves them, its light, and the floor below."""
+"""A scene on a page: its nodes, what moves them, its light, and the floor below.
+
+viser draws with three.js's filmic tone mapping, and has no option for it: what is fully lit comes
+out darker and greyer. So meshes get the colour that it turns into theirs.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +20,17 @@ from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.viewing.viewpoint import FLOOR_M, Box, Part, apart, framed, size_of
 from stepbus_tools.viewing.viewpoint import MARGIN as _MARGIN
 
+# three.js r180, ACESFilmicToneMapping: a fit of ACES by Stephen Hill.
+_IN = np.linalg.inv(
+    [(0.59719, 0.35458, 0.04823), (0.076, 0.90834, 0.01566), (0.0284, 0.13383, 0.83777)]
+)
+_OUT = np.linalg.inv(
+    [(1.60475, -0.53108, -0.07367), (-0.10208, 1.10813, -0.00605), (-0.00327, -0.07276, 1.07602)]
+)
+_EXPOSURE = 1 / 0.6
+_LIT = 1.15
+"""How bright a white surface is that most of the light falls on."""
+_BRIGHTEST = 0.98
 _SUN, _SKY = 2.3, 2.1
 _FROM = (1.2, -2.0, 3.2)
 
@@ -30,6 +46,23 @@ def add_light(scene: Any) -> None:
     scene.add_light_hemisphere(
         "/sky", ground_color=(170, 170, 175), intensity=_SKY, position=(0.0, 0.0, 1.0)
     )
+
+
+@lru_cache(maxsize=1024)
+def drawn(color: Color) -> Color:
+    """Return the colour that a surface needs to look as `color` where light falls on it."""
+    values = np.array(color) / 255
+    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    wanted = np.clip(_OUT @ linear, 0.0, _BRIGHTEST)
+    # The fit is a quotient of two parabolas.
+    a = 1.0 - wanted * 0.983729
+    b = 0.0245786 - wanted * 0.4329510
+    c = -0.000090537 - wanted * 0.238081
+    before = (-b + np.sqrt(b * b - 4 * a * c)) / (2 * a)
+    shown = np.clip(_IN @ before / _EXPOSURE / _LIT, 0.0, 1.0)
+    encoded = np.where(shown <= 0.0031308, shown * 12.92, 1.055 * shown ** (1 / 2.4) - 0.055)
+    red, green, blue = np.rint(255 * encoded)
+    return int(red), int(green), int(blue)
 
 
 OTHER_COLOR: Color = rgb(LINES[3])
@@ -48,14 +81,20 @@ _STICKS = 0.5
 class Stage:
     """Draws a scene on a server of viser, and moves its frames.
 
-    root: of its nodes. tint: colour of a scene that is only shown beside another one. paths: frame
-    → its node.
+    root: of its nodes. tint: colour of a scene that is only shown beside another one. shade: gives
+    the colour to draw with in its light. paths: frame → its node.
     """
 
     def __init__(
-        self, server: Any, scene: Scene, root: str = "/run", tint: Color | None = None
+        self,
+        server: Any,
+        scene: Scene,
+        root: str = "/run",
+        tint: Color | None = None,
+        shade: Callable[[Color], Color] = drawn,
     ) -> None:
         self.scene = scene
+        self._shade = shade
         self.paths: dict[str, str] = {"": root}
         self._server = server
         self._tint = tint
@@ -97,7 +136,7 @@ class Stage:
             path,
             vertices=visual.mesh.vertices,
             faces=visual.mesh.faces,
-            color=visual.shown_color if tint is None else tint,
+            color=self._shade(visual.shown_color if tint is None else tint),
             opacity=None if tint is None else _GHOST_OPACITY,
             flat_shading=True,
             side="double",
