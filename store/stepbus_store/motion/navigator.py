@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point
 from stepbus_store.cause import Cause
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.outcome import Outcome, Refused
-from stepbus_store.motion.route import base_route
+from stepbus_store.motion.route import base_route, first_part
 
 _A_MOMENT = 0.6
 """How long the base waits for what is in its way, until it asks for a way around that [s]."""
@@ -34,6 +36,7 @@ class _Trip:
     drives: bool = False
     replans: int = 0
     route: list[Point] | None = None
+    is_cut: bool = False
     alone_since: float | None = None
     hindered_at: float | None = None
     not_before: float = 0.0
@@ -43,9 +46,14 @@ class Navigator:
     """Lets a base drive to a pose along a planner's route; one goal at a time.
 
     next_id: makes the ids of requests, which the arm's share. timeout: for an answer [s].
+    step: after which the base stops and asks for the rest of its route anew, unless it goes
+    together with the arm; 0: it does not [m].
     """
 
-    def __init__(self, base: BaseMotion, next_id: Callable[[], int], timeout: float) -> None:
+    def __init__(
+        self, base: BaseMotion, next_id: Callable[[], int], timeout: float, step: float
+    ) -> None:
+        self._step = step
         self._base = base
         self._next_id = next_id
         self._timeout = timeout
@@ -148,8 +156,13 @@ class Navigator:
 
     def _drive(self, trip: _Trip, route: list[Point]) -> None:
         state = self._base.state
+        # The arm beside it counts on the whole route.
+        steps = self._step > 0.0 and trip.goal.type != "go_together"
+        cut = first_part((state.x, state.y, state.yaw), route, self._step) if steps else None
+        trip.is_cut = cut is not None
+        goal = trip.goal if cut is None else replace(trip.goal, base=cut[-1])
         try:
-            self._base.start(trip.goal, state, route)
+            self._base.start(goal, state, cut or route)
         except Refused as exc:
             self._verdict = Outcome(state="failed", cause=exc.cause, text=str(exc))
             return
@@ -187,6 +200,9 @@ class Navigator:
     def check(self, end: Outcome | None, t: float) -> Outcome | None:
         """Return how the goal ended at a time [s]; end: of the base's motion."""
         trip = self._trip
+        if trip is not None and trip.drives and trip.is_cut and end and end.state == "succeeded":
+            trip.drives, trip.asked_at, trip.route = False, None, None
+            return None
         if trip is None or trip.drives:
             return end
         if self._occupied:

@@ -59,6 +59,27 @@ def base_route(
     return _route_by(route, goal.base, state) if route else _route_to(goal.base, state, position)
 
 
+def first_part(start: Point, route: Sequence[Point], length: float) -> list[Point] | None:
+    """Return the first part of a route from a pose; None: it is no longer than that [m]."""
+    left, now, part = length, start, list[Point]()
+    for pose in route:
+        far = math.dist(now[:2], pose[:2])
+        if far > left + LEAST_ARC:
+            part.append(_between(now, pose, left / far))
+            return part
+        part.append(pose)
+        left, now = left - far, pose
+    return None
+
+
+def _between(a: Point, b: Point, share: float) -> Point:
+    """Return a pose between two others: on an arc, or on a straight line."""
+    x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+    if arc_direction(a, b):
+        return (x, y, a[2] + share * wrapped(b[2] - a[2]))
+    return (x, y, math.atan2(b[1] - a[1], b[0] - a[0]))
+
+
 def _route_by(route: Sequence[Point], target: Point, state: BaseState) -> BaseRoute:
     """Return the segments along a planned route: arcs where they fit, else lines and turns."""
     segments: deque[PlannedSegment] = deque()

@@ -84,7 +84,10 @@ class MobileController(Participant):
         self._navigator: Navigator | None = None
         if self._ports.plan is not None:
             self._navigator = Navigator(
-                self._base, self._arm.queries.next_id, settings.arm.plan_timeout
+                self._base,
+                self._arm.queries.next_id,
+                settings.arm.plan_timeout,
+                settings.params.base_step,
             )
         self._executor = GoalExecutor(
             Parts(

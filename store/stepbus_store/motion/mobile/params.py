@@ -65,6 +65,9 @@ class Params(JointParams):
     base_halt: NonNegative = 0.005
     """Distance of an obstacle at which the base halts; must exceed the error of the contacts
     [m]."""
+    base_step: NonNegative = 0.0
+    """Length of a planned route after which the base stops and replans the rest; 0, or with
+    `go_together`: never [m]."""
     base_position: Positive = 1e-3
     """Largest error of the base at its goal [m]."""
     base_angle: Positive = 0.0017453292519943296

@@ -194,6 +194,20 @@ def test_a_base_that_waits_for_an_arm_in_vain_gives_up(robot):
     assert (end.state, end.text, robot.x) == ("failed", "no goal of the arm has come for 5 s", 0.0)
 
 
+def test_a_base_that_drives_in_steps_asks_for_the_rest_of_its_route_after_each(tmp_path):
+    robot = Robot(config(tmp_path, plans=True, base_step=0.1))
+    robot.start(0, "go_to", base=(0.35, 0.0, 0.0))
+    stood = []
+    for _ in range(4):
+        request = robot.requests[-1]
+        stood.append(request.base[0][0])
+        robot.step(plan=Plan(id=request.id, route=[(0.2, 0.0, 0.0), (0.35, 0.0, 0.0)][-1:]))
+        while robot.requests[-1] is request and robot.states(0)[-1] != "succeeded":
+            robot.step()
+    assert stood == pytest.approx([0.0, 0.1, 0.2, 0.3], abs=2e-3)
+    assert (robot.states(0)[-1], robot.x) == ("succeeded", pytest.approx(0.35, abs=2e-3))
+
+
 def test_a_goal_of_the_base_that_is_refused_stops_base_and_arm_all_the_same(robot):
     go_and_reach(robot)
     assert robot.vx > 0.1
@@ -226,6 +240,17 @@ def test_a_base_whose_arm_has_been_called_off_does_not_wait_for_ever(robot):
     robot.run(8.0)
     assert [robot.states(n)[-1] for n in (0, 1, 2)] == ["failed", "cancelled", "succeeded"]
     assert robot.x == 0.0
+
+
+def test_the_arm_counts_on_the_whole_route_also_of_a_base_that_else_drives_in_steps(tmp_path):
+    robot = Robot(config(tmp_path, plans=True, base_step=0.1))
+    request = go_and_reach(robot)
+    assert request.bases[-1][0] == pytest.approx(HOME[0], abs=5e-3)
+    answer(robot)
+    before = robot.q.copy()
+    while robot.x < 3.1:
+        robot.step()
+    assert np.array_equal(robot.q, before)
 
 
 def test_an_arm_that_fails_on_its_way_stops_the_base_too(robot):
