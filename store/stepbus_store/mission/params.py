@@ -59,16 +59,20 @@ class Shelf(Settings):
 
 
 class Outlet(Settings):
-    """Place for sold items: a row with one spot per order, from left to right."""
+    """Place for sold items: one spot per order, from left to right, the back row first."""
 
     position: Vector3
-    """Centre of the row, on top of the outlet [m]."""
+    """Centre of the rows, on top of the outlet [m]."""
     yaw: Finite = math.pi / 2
     """Heading of a robot that faces it [rad]."""
     pitch: Positive = 0.12
     """Distance between spots [m]."""
     length: Positive = 0.5
-    """Length of the row [m]."""
+    """Length of a row of spots [m]."""
+    rows: Count = 1
+    """Number of rows."""
+    depth: Positive = 0.14
+    """Distance between rows [m]."""
     link: Text = "outlet_top"
     """Link of the outlet; the gripper may touch it while placing an item."""
 
@@ -197,9 +201,11 @@ class Params(Settings):
             if items.count(name) > 1:
                 yield ("orders",), f"item {name!r} is ordered twice"
         outlet = self.outlet
-        count = len(self.orders)
+        count = -(-len(self.orders) // outlet.rows)
         if count * outlet.pitch > outlet.length + 1e-9:
             text = f"{count} orders, {outlet.pitch:g} m apart, do not fit into {outlet.length:g} m"
+            if outlet.rows > 1:
+                text = f"{outlet.rows} rows for {len(self.orders)} orders: {text}"
             yield ("outlet",), text
 
     def _unknown_types(self) -> Iterator[tuple[Keys, str]]:
@@ -222,18 +228,23 @@ class Params(Settings):
         """
         outlet = self.outlet
         x, y, _ = outlet.position
-        further, column = number - planned, number
-        if further >= 0:
-            column = -1 - further // 2 if further % 2 else planned + further // 2
-        left = outlet.pitch * ((planned - 1) / 2 - column)
-        return Spot(x=x, y=y, yaw=outlet.yaw).ahead(0.0, left=left)
+        width = -(-planned // outlet.rows)
+        row, column = divmod(number, width)
+        if number >= planned:
+            further, row = divmod(number - planned, outlet.rows)
+            column = -1 - further // 2 if further % 2 else width + further // 2
+        left = outlet.pitch * ((width - 1) / 2 - column)
+        behind = outlet.depth * ((outlet.rows - 1) / 2 - row)
+        return Spot(x=x, y=y, yaw=outlet.yaw).ahead(behind, left=left)
 
     def is_in_outlet(self, number: int, planned: int) -> bool:
         """Return whether the spot of an order is on the outlet, as of `outlet_spot`."""
         outlet = self.outlet
         spot = self.outlet_spot(number, planned)
         away = math.hypot(spot.x - outlet.position[0], spot.y - outlet.position[1])
-        return away <= (outlet.length - outlet.pitch) / 2 + 1e-9
+        widest = math.hypot(outlet.length / 2 - outlet.pitch / 2, outlet.depth * outlet.rows / 2)
+        along = widest if outlet.rows > 1 else outlet.length / 2 - outlet.pitch / 2
+        return away <= along + 1e-9
 
 
 def unknown_type(given: str, types: Sequence[str]) -> str:

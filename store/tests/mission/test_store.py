@@ -68,6 +68,19 @@ def test_what_cannot_be_sold_is_not_ordered(orders, text):
     assert "sales are done" in sell(FakeStore(shelf_a(*GOODS, ("cola", 1))), ask=ask).end
 
 
+def test_ten_orders_stand_in_two_rows_the_one_at_the_back_first():
+    goods = [(kind, column) for column, kind in enumerate(["cola", "juice"] * 5, 1)]
+    store = FakeStore(shelf_a(*goods))
+    outlet = {"position": [0.15, 0.65, 0.35], "pitch": 0.1, "rows": 2}
+    result = sell(store, orders=["cola", "juice"] * 5, outlet=outlet)
+    assert result.end == "10 of 10 sales are done"
+    rows = sorted((round(t.y, 3), round(t.x, 3)) for t in store.things.values())
+    xs = [-0.05, 0.05, 0.15, 0.25, 0.35]
+    assert rows == [*((0.58, x) for x in xs), *((0.72, x) for x in xs)]
+    first = store.things["cola_a1_1"]
+    assert (first.x, first.y) == pytest.approx((-0.05, 0.72))
+
+
 def test_the_summary_is_a_table_of_the_sales():
     result = sell(FakeStore(shelf_a(*GOODS), shift=(0.003, 0.0)), orders=["cola", "juice"])
     header, first, second, last = result.summary.splitlines()
