@@ -12,7 +12,6 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.activity import Activity, activity
-from stepbus_orchestrator.processes.place import Place, core_of, place_threads
 from stepbus_orchestrator.processes.warm import fork
 from stepbus_participant import append_to, last_lines
 
@@ -73,13 +72,6 @@ class Process:
     def activity(self) -> Activity:
         """Return what it, and all it has started, is doing."""
         raise NotImplementedError
-
-    def core(self) -> int | None:
-        """Return the core it has run on last, where it can be kept on one; None where not."""
-        return None
-
-    def place(self, place: Place) -> None:
-        """Say where and when its threads run; nothing for one that shares our threads."""
 
     def signal(self, number: int) -> None:
         """Send it a signal, and all it has started."""
@@ -157,14 +149,6 @@ class Child(Process):
         if ended is None:
             return None
         return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
-
-    def core(self) -> int | None:
-        """Return the core it has run on last, where it can be kept on one."""
-        return core_of(self.pid)
-
-    def place(self, place: Place) -> None:
-        """Place all its threads."""
-        place_threads(self.pid, place)
 
     def wait(self, timeout_s: float) -> bool:
         """Return whether it has ended within a time [s]."""
