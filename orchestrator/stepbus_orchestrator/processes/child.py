@@ -15,25 +15,6 @@ from stepbus_orchestrator.processes.activity import Activity, activity
 from stepbus_orchestrator.processes.warm import fork
 from stepbus_participant import append_to, last_lines
 
-_LARGEST = 8 << 20
-_KEPT = 1 << 20
-_OMITTED = b"\n[stepbus: output omitted here]\n"
-
-
-def limit_log(path: Path) -> None:
-    """Cut a log of more than 8 MiB to its first and its last MiB; harmless when it is gone.
-
-    A process must have opened it for appending. What it prints during the cut is cut as well.
-    """
-    with contextlib.suppress(OSError), path.open("rb+", 0) as file:
-        if (size := file.seek(0, os.SEEK_END)) > _LARGEST:
-            file.seek(size - _KEPT)
-            tail = file.read()
-            file.truncate(_KEPT)
-            file.seek(_KEPT)
-            file.write(_OMITTED + tail)
-
-
 TERM_GRACE_S = 1.0
 """How long a process may take to end after SIGTERM [s]."""
 _KILL_S = 5.0
@@ -176,7 +157,6 @@ class Child(Process):
         self.signal(signal.SIGKILL)
         if self.wait(_KILL_S):
             self._reap()
-        limit_log(self.log)
 
     def _reap(self) -> None:
         """Take the exit code; harmless when repeated."""

@@ -15,6 +15,7 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecor
 from stepbus_orchestrator.run.extension import Host, RunExtension, overriding
 from stepbus_orchestrator.run.extensions import with_defaults
 from stepbus_orchestrator.run.folder import (
+    HEAD_BYTES,
     LOGS_FOLDER,
     claim,
     default_folder,
@@ -153,9 +154,9 @@ class _Execution:
     def _add_logged(self) -> None:
         """Add the warnings that participants have logged."""
         for spec in self._scenario.participants:
-            with contextlib.suppress(OSError):
-                log = (self._out / LOGS_FOLDER / f"{spec.name}.log").read_bytes()
-                for text in warnings_in(log):
+            log = self._out / LOGS_FOLDER / f"{spec.name}.log"
+            with contextlib.suppress(OSError), log.open("rb") as file:
+                for text in warnings_in(file.read(HEAD_BYTES)):
                     self._events.add_warning(spec.name, text)
 
     def _describe(self, file: McapFile) -> None:

@@ -131,8 +131,7 @@ class LocalRun(Strategy):
                     "one process works in the scenario's folder and logs to the run's "
                     "folder"
                 ) from exc
-            is_interrupted = self._run.interrupt.is_set
-            watch = Watch(self.hub, is_interrupted, native_log)
+            watch = Watch(self.hub, self._run.interrupt.is_set)
             stack.callback(watch.close)
             stack.callback(self._end_all)
             self.memory = watch.memory

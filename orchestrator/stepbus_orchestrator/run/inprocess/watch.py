@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 
-from stepbus_orchestrator.processes.child import limit_log
 from stepbus_orchestrator.run.inprocess import turn_watchdog, turns
 from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub, Late
 from stepbus_orchestrator.run.inprocess.turn_watchdog import TRACE_SIGNAL
@@ -32,19 +31,13 @@ _handling: list["Watch"] = []
 class Watch:
     """Watches the participants of a run, from when it is made until it is closed.
 
-    hub: knows who has the thread. is_interrupted: whether the user ends the run. log: kept
-    short, whatever prints. memory: that another process watches: our parent, or else a child.
+    hub: knows who has the thread. is_interrupted: whether the user ends the run. memory: that
+    another process watches: our parent, or else a child.
     """
 
-    def __init__(
-        self,
-        hub: Hub,
-        is_interrupted: Callable[[], bool],
-        log: Path,
-    ) -> None:
+    def __init__(self, hub: Hub, is_interrupted: Callable[[], bool]) -> None:
         self._hub = hub
         self._is_interrupted = is_interrupted
-        self._log = log
         self._stack = contextlib.ExitStack()
         self._thread_id = threading.get_ident()
         self._is_main = threading.current_thread() is threading.main_thread()
@@ -86,7 +79,6 @@ class Watch:
 
     def _look(self) -> None:
         while not self._over.wait(_CHECK_S):
-            limit_log(self._log)
             if self._is_interrupted():
                 self.memory.words[INTERRUPTED] = 1
             holder = self._hub.current
