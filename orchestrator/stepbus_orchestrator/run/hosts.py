@@ -3,10 +3,8 @@
 import contextlib
 import dataclasses
 import os
-import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from typing import ClassVar
 
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
@@ -34,10 +32,6 @@ class Processes:
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     start_order: Sequence[str] | None = None
-
-    def alone(self, _interrupt: threading.Event) -> AbstractContextManager[None]:
-        """Do nothing: no run disturbs another one."""
-        return nullcontext()
 
     def check(self, scenario: Scenario) -> None:
         """Do nothing: every scenario runs here."""
@@ -114,19 +108,13 @@ class InProcess:
     """Has all participants in this process.
 
     owns_descriptors: descriptors 1 and 2 are the run's alone, and what libraries in C print goes to
-    a log. has_caller: our caller makes the steps, and keeps runs of other threads off.
+    a log. has_caller: our caller makes the steps.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     owns_descriptors: bool = False
     has_caller: bool = False
-
-    def alone(self, interrupt: threading.Event) -> AbstractContextManager[None]:
-        """Wait until no run in one process of another thread goes on, and keep it so."""
-        from stepbus_orchestrator.run.inprocess.local_run import alone  # noqa: PLC0415
-
-        return nullcontext() if self.has_caller else alone(interrupt)
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""

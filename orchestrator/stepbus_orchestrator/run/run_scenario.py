@@ -69,7 +69,7 @@ def run(
     A run that fails returns its failure. Raises RecordingFailed when there is no folder to write
     to, StartFailed when it may not open enough files, ExtraMissing where a package that one of our
     participants needs is not installed, WiringError where the host cannot run this scenario, or an
-    extension cannot do its work in it, Interrupted before the run's turn in this process.
+    extension cannot do its work in it.
     """
     extensions = with_defaults(scenario, options.extensions, is_recorded=options.is_recorded)
     for extension in extensions:
@@ -80,10 +80,9 @@ def run(
     check_limits(len(scenario.participants))
     options.host.check(scenario)
     options = dataclasses.replace(options, extensions=extensions)
+    claim(options.out)
     interrupt = interrupt or threading.Event()
-    with options.host.alone(interrupt):
-        claim(options.out)
-        return _Execution(scenario, options, observer or Observer(), interrupt).execute()
+    return _Execution(scenario, options, observer or Observer(), interrupt).execute()
 
 
 _SHARED = (
