@@ -61,9 +61,7 @@ class Stops(RunExtension):
             plan.close()
         self._due = {}
 
-    def close(self) -> None:
-        """Resume all, also where the run has failed."""
-        self.stopping()
+    close = stopping
 
 
 class Delays(Stops):

@@ -77,13 +77,11 @@ class Placement(RunExtension):
             self._due_s = now + next(self._plan, FAR)
 
     def stopping(self) -> None:
-        """Let all end wherever they like."""
+        """Let all end wherever they like, and leave this process as it was."""
         self._put(is_placed=False)
         self._due_s = FAR
 
-    def close(self) -> None:
-        """Leave this process as it was, also where a run has failed."""
-        self._put(is_placed=False)
+    close = stopping
 
     def _trials(self) -> Iterator[float]:
         """Yield how long to leave everything as it is [s]."""
