@@ -43,7 +43,8 @@ class Processes:
         held = contextlib.ExitStack()
         try:
             scenario = run.state.scenario
-            specs = [one for one in scenario.participants if one.name in self._order(scenario)]
+            order = self.start_order or [spec.name for spec in scenario.participants]
+            specs = [one for one in scenario.participants if one.name in order]
             started = dataclasses.replace(scenario, participants=tuple(specs))
             mesh = make_mesh(started, launcher.folder, run.key, held, is_star=run.is_star)
             slots = RunSlots()
@@ -57,14 +58,11 @@ class Processes:
                 Live(run=run.key, token=run.token, endpoint=mesh.caller).save(run.out)
                 stack.callback(forget, run.out)
                 stack.callback(slots.close)
-                yield bus, _Launch(launcher, mesh, slots, self._order(scenario))
+                yield bus, _Launch(launcher, mesh, slots, order)
         finally:
             held.close()
             for name, text in launcher.end_all():
                 run.warn(name, text)
-
-    def _order(self, scenario: Scenario) -> Sequence[str]:
-        return self.start_order or [spec.name for spec in scenario.participants]
 
 
 class _Launch(Strategy):

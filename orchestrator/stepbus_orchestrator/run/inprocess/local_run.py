@@ -22,7 +22,7 @@ from stepbus_orchestrator.run.inprocess.watch import watched
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
-from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import (
     Clock,
     Endpoint,
@@ -163,12 +163,13 @@ class LocalRun(Strategy):
     def launch(self, run: RunView) -> None:
         """Begin every participant, in the order of the scenario."""
         scenario, specs = run.state.scenario, run.state.scenario.participants
+        limits = [spec.deadlines for spec in specs]
         self.memory.begin(
             {
                 "result": run.result().decode(),
                 "names": [spec.name for spec in specs],
                 "every": [spec.every for spec in specs],
-                "limits": [_limits(spec.deadlines) for spec in specs],
+                "limits": [[d.spawn_s + d.join_s + d.ready_s, d.step_s, d.stop_s] for d in limits],
                 "files": [str(scenario.folder / s.participant.rpartition(":")[0]) for s in specs],
                 "logs": str(self.logs),
                 "path": sys.path,
@@ -218,12 +219,6 @@ class LocalRun(Strategy):
 def count_steps(words: "memoryview[float]", place: int, data: bytes) -> None:
     """Count the steps that a participant publishes, for the outside watcher."""
     words[place] += len(_decode_batch(data).outputs) if data[0] == _BATCH else 1
-
-
-def _limits(deadlines: Deadlines) -> list[float]:
-    """Return how long a participant may keep the thread in each stage [s]."""
-    ready_s = deadlines.spawn_s + deadlines.join_s + deadlines.ready_s
-    return [ready_s, deadlines.step_s, deadlines.stop_s]
 
 
 def _take_part(spec: ParticipantSpec, folder: Path) -> int:
