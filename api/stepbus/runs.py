@@ -90,8 +90,8 @@ def run(
     scenario, set, faults: as in `load`. out: new folder of the run; default:
     `runs/<scenario>-<time>`. observer: reports progress and warnings. pace: pauses and steps the
     run. interrupt: event that ends the run when set, from any thread. in_process: run all
-    participants in this process, which is faster and records the same bytes; runs of several
-    threads take turns (docs/guide/running/in_process.md). external: participants that you start
+    participants in this process, on its main thread, which is faster and records the same bytes
+    (docs/guide/running/in_process.md). external: participants that you start
     with `stepbus join`, each with the path of its ticket (docs/guide/running/attach.md); the
     tickets of others with `start: external` are in `out`. real_time: pace steps by the wall clock,
     as a factor of real time (docs/guide/running/real_time.md); `result.real_time` has their
@@ -99,8 +99,7 @@ def run(
 
     Raises ScenarioError when the scenario cannot run, ExtraMissing when a built-in participant
     needs a package that is not installed, OutputExists when `out` already contains a run,
-    RecordingFailed when the recording cannot be written, Interrupted when you interrupt it before
-    its turn in this process.
+    RecordingFailed when the recording cannot be written.
     """
     if real_time is not None and not 1e-3 <= real_time <= 1e3:
         raise WiringError(f"real_time must be a factor from 0.001 to 1000, not {real_time}")

@@ -2,10 +2,8 @@
 
 import contextlib
 import signal
-import threading
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -116,10 +114,6 @@ class SimulatedHost:
     def world(self) -> World:
         """Return its world."""
         return self.network.world
-
-    def alone(self, _interrupt: threading.Event) -> AbstractContextManager[None]:
-        """Do nothing: no run disturbs another one."""
-        return contextlib.nullcontext()
 
     def check(self, scenario: Scenario) -> None:
         """Do nothing: every scenario runs here."""

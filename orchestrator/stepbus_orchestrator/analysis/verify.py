@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.run.extensions.delays import Delays
+from stepbus_orchestrator.run.extensions.faults import Delays
 from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.inprocess.local_run import check_scenario
 from stepbus_orchestrator.run.reports import Observer

@@ -148,10 +148,8 @@ def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) 
 
         from .terminal.output import write  # noqa: PLC0415
 
-        if killer is not None:
-            code, text = post_mortem.conclude(memory, pid, kept=killer.kept)
-        else:
-            code, text = post_mortem.conclude(memory, pid, code=code)
+        kept = None if killer is None else killer.kept
+        code, text = post_mortem.conclude(memory, pid, kept=kept, code=code)
         write(sys.stderr, text)
         return code
     if code < 0:

@@ -66,12 +66,6 @@ def children(pid: int) -> set[int]:
     return {child for child, row in _rows() if int(row[_PARENT]) == pid}
 
 
-def descendants(pid: int) -> set[int]:
-    """Return the processes that one has started, and all that these have."""
-    pids = children(pid)
-    return pids.union(*(descendants(child) for child in pids))
-
-
 def _rows(pids: str = "[0-9]*") -> Iterator[tuple[int, list[str]]]:
     """Yield each process, with its fields behind the name; pids: as a pattern."""
     for path in Path("/proc").glob(f"{pids}/stat"):

@@ -12,28 +12,8 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.activity import Activity, activity
-from stepbus_orchestrator.processes.place import Place, core_of, place_threads
 from stepbus_orchestrator.processes.warm import fork
 from stepbus_participant import append_to, last_lines
-
-_LARGEST = 8 << 20
-_KEPT = 1 << 20
-_OMITTED = b"\n[stepbus: output omitted here]\n"
-
-
-def limit_log(path: Path) -> None:
-    """Cut a log of more than 8 MiB to its first and its last MiB; harmless when it is gone.
-
-    A process must have opened it for appending. What it prints during the cut is cut as well.
-    """
-    with contextlib.suppress(OSError), path.open("rb+", 0) as file:
-        if (size := file.seek(0, os.SEEK_END)) > _LARGEST:
-            file.seek(size - _KEPT)
-            tail = file.read()
-            file.truncate(_KEPT)
-            file.seek(_KEPT)
-            file.write(_OMITTED + tail)
-
 
 TERM_GRACE_S = 1.0
 """How long a process may take to end after SIGTERM [s]."""
@@ -73,13 +53,6 @@ class Process:
     def activity(self) -> Activity:
         """Return what it, and all it has started, is doing."""
         raise NotImplementedError
-
-    def core(self) -> int | None:
-        """Return the core it has run on last, where it can be kept on one; None where not."""
-        return None
-
-    def place(self, place: Place) -> None:
-        """Say where and when its threads run; nothing for one that shares our threads."""
 
     def signal(self, number: int) -> None:
         """Send it a signal, and all it has started."""
@@ -158,14 +131,6 @@ class Child(Process):
             return None
         return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
 
-    def core(self) -> int | None:
-        """Return the core it has run on last, where it can be kept on one."""
-        return core_of(self.pid)
-
-    def place(self, place: Place) -> None:
-        """Place all its threads."""
-        place_threads(self.pid, place)
-
     def wait(self, timeout_s: float) -> bool:
         """Return whether it has ended within a time [s]."""
         deadline, pause_s = time.monotonic() + timeout_s, _FIRST_PAUSE_S
@@ -192,7 +157,6 @@ class Child(Process):
         self.signal(signal.SIGKILL)
         if self.wait(_KILL_S):
             self._reap()
-        limit_log(self.log)
 
     def _reap(self) -> None:
         """Take the exit code; harmless when repeated."""

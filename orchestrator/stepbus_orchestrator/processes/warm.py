@@ -29,8 +29,6 @@ _ANSWER_S = 10.0
 _ROOM = " " * 250
 _TICKET_ROOM = " " * 4095
 """What the command of a participant, and the path of its ticket, take the place of."""
-_COVERAGE = ("COVERAGE_PROCESS_START", "COVERAGE_PROCESS_CONFIG")
-"""It measures a process from its start on."""
 
 
 def participant_environment(ticket: str) -> Mapping[str, str]:
@@ -125,9 +123,8 @@ def warm_parent(classes: Collection[str] | None = None, *, runs: int = 1) -> Ite
     packages are loaded once.
     """
     global _parent  # noqa: PLW0603  (a run knows nothing of those that follow)
-    is_able = not any(name in os.environ for name in _COVERAGE)
     made = None
-    if _parent is None and is_able and (classes is None or len(classes) > 1):
+    if _parent is None and (classes is None or len(classes) > 1):
         with contextlib.suppress(OSError):
             made = _parent = _Parent(_names(classes, runs), is_kept=runs > 1)
     try:

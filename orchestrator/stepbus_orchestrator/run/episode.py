@@ -14,11 +14,11 @@ from typing import Any, cast
 
 from greenlet import getcurrent, greenlet
 
-from stepbus_orchestrator.errors import Interrupted, RunFailure
+from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.hosts import InProcess
-from stepbus_orchestrator.run.inprocess.local_run import LocalRun, alone
+from stepbus_orchestrator.run.inprocess.local_run import LocalRun
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
@@ -121,12 +121,8 @@ class Episode(RunExtension):
         """End the run if it goes on and can be ended from here; raises nothing of the run."""
         is_ours = (os.getpid(), threading.get_ident()) == self._place
         if self._outcome is None and self._is_waiting and is_ours:
-            # Not after the run of another thread, which may take hours.
-            now = threading.Event()
-            now.set()
             try:
-                with alone(now):
-                    self.end("abandoned")
+                self.end("abandoned")
             except (RunFailure, OSError):
                 return
 
@@ -139,11 +135,7 @@ class Episode(RunExtension):
     def _switch(self) -> None:
         """Run until the run needs us."""
         self._caller = self._greenlet.parent = getcurrent()
-        with (
-            contextlib.suppress(Interrupted),
-            _ctrl_c.within(self._interrupt),
-            alone(self._interrupt),
-        ):
+        with _ctrl_c.within(self._interrupt):
             self._greenlet.switch()
         if self._greenlet.dead:
             self.step = None
@@ -216,7 +208,7 @@ class Episode(RunExtension):
 
 
 class _CtrlC:
-    """Handles Ctrl-C as long as any episode of the main thread is open: it comes behind the step.
+    """Handles Ctrl-C as long as any episode is open: it comes behind the step.
 
     To set a handler at each step would take as long as a step. inside: is set by Ctrl-C in a step.
     """
@@ -227,10 +219,9 @@ class _CtrlC:
         self._before: Any = None
 
     def open(self, episode: Episode) -> None:
-        if threading.current_thread() is threading.main_thread():
-            if not self.episodes:
-                self._before = signal.signal(signal.SIGINT, self._handle)
-            self.episodes.add(episode)
+        if not self.episodes:
+            self._before = signal.signal(signal.SIGINT, self._handle)
+        self.episodes.add(episode)
 
     def close(self, episode: Episode) -> None:
         if episode in self.episodes:
@@ -240,10 +231,7 @@ class _CtrlC:
 
     @contextlib.contextmanager
     def within(self, interrupt: threading.Event) -> Iterator[None]:
-        """Have Ctrl-C set an event, in this block of the main thread."""
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
+        """Have Ctrl-C set an event, in this block."""
         outer, self.inside = self.inside, interrupt
         try:
             yield

@@ -101,9 +101,6 @@ class Host(Protocol):
     def disk(self) -> Disk:
         """Return what writes the files of the run."""
 
-    def alone(self, interrupt: threading.Event) -> AbstractContextManager[None]:
-        """Wait until no other run disturbs this one, and keep it so; raises Interrupted."""
-
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run here, with every reason."""
 

@@ -16,7 +16,7 @@ from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import WARNING, make_folder, make_new_folder, read_file
 
 LOGS_FOLDER = "logs"
-_HEAD_BYTES = 1 << 16
+HEAD_BYTES = 1 << 16
 
 
 def default_folder(scenario: Scenario, parent: Path) -> Path:
@@ -50,7 +50,7 @@ def _is_made(folder: Path) -> bool:
 
 def warnings_in(log: bytes) -> list[str]:
     """Return the warnings at the beginning of a participant's log, or of what it printed."""
-    lines = log[:_HEAD_BYTES].decode(errors="replace").splitlines()
+    lines = log[:HEAD_BYTES].decode(errors="replace").splitlines()
     return [line.removeprefix(WARNING) for line in lines if line.startswith(WARNING)]
 
 

@@ -3,10 +3,8 @@
 import contextlib
 import dataclasses
 import os
-import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from typing import ClassVar
 
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
@@ -35,10 +33,6 @@ class Processes:
     disk: ClassVar[Disk] = os
     start_order: Sequence[str] | None = None
 
-    def alone(self, _interrupt: threading.Event) -> AbstractContextManager[None]:
-        """Do nothing: no run disturbs another one."""
-        return nullcontext()
-
     def check(self, scenario: Scenario) -> None:
         """Do nothing: every scenario runs here."""
 
@@ -49,7 +43,8 @@ class Processes:
         held = contextlib.ExitStack()
         try:
             scenario = run.state.scenario
-            specs = [one for one in scenario.participants if one.name in self._order(scenario)]
+            order = self.start_order or [spec.name for spec in scenario.participants]
+            specs = [one for one in scenario.participants if one.name in order]
             started = dataclasses.replace(scenario, participants=tuple(specs))
             mesh = make_mesh(started, launcher.folder, run.key, held, is_star=run.is_star)
             slots = RunSlots()
@@ -63,14 +58,11 @@ class Processes:
                 Live(run=run.key, token=run.token, endpoint=mesh.caller).save(run.out)
                 stack.callback(forget, run.out)
                 stack.callback(slots.close)
-                yield bus, _Launch(launcher, mesh, slots, self._order(scenario))
+                yield bus, _Launch(launcher, mesh, slots, order)
         finally:
             held.close()
             for name, text in launcher.end_all():
                 run.warn(name, text)
-
-    def _order(self, scenario: Scenario) -> Sequence[str]:
-        return self.start_order or [spec.name for spec in scenario.participants]
 
 
 class _Launch(Strategy):
@@ -114,19 +106,13 @@ class InProcess:
     """Has all participants in this process.
 
     owns_descriptors: descriptors 1 and 2 are the run's alone, and what libraries in C print goes to
-    a log. has_caller: our caller makes the steps, and keeps runs of other threads off.
+    a log. has_caller: our caller makes the steps.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     owns_descriptors: bool = False
     has_caller: bool = False
-
-    def alone(self, interrupt: threading.Event) -> AbstractContextManager[None]:
-        """Wait until no run in one process of another thread goes on, and keep it so."""
-        from stepbus_orchestrator.run.inprocess.local_run import alone  # noqa: PLC0415
-
-        return nullcontext() if self.has_caller else alone(interrupt)
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""

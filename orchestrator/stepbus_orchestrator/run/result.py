@@ -234,15 +234,8 @@ def own_versions() -> Mapping[str, str]:
         "python": platform.python_version(),
         "machine": f"{sys.platform} {platform.machine()}",
         "cpu": cpu_model(),
-        **{name: _version(name) for name in names},
+        **{name: installed_version(name) for name in names},
     }
-
-
-def _version(name: str) -> str:
-    try:
-        return installed_version(name)
-    except ModuleNotFoundError:
-        return "not installed"
 
 
 def cpu_model() -> str:

@@ -15,6 +15,7 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecor
 from stepbus_orchestrator.run.extension import Host, RunExtension, overriding
 from stepbus_orchestrator.run.extensions import with_defaults
 from stepbus_orchestrator.run.folder import (
+    HEAD_BYTES,
     LOGS_FOLDER,
     claim,
     default_folder,
@@ -68,7 +69,7 @@ def run(
     A run that fails returns its failure. Raises RecordingFailed when there is no folder to write
     to, StartFailed when it may not open enough files, ExtraMissing where a package that one of our
     participants needs is not installed, WiringError where the host cannot run this scenario, or an
-    extension cannot do its work in it, Interrupted before the run's turn in this process.
+    extension cannot do its work in it.
     """
     extensions = with_defaults(scenario, options.extensions, is_recorded=options.is_recorded)
     for extension in extensions:
@@ -79,10 +80,9 @@ def run(
     check_limits(len(scenario.participants))
     options.host.check(scenario)
     options = dataclasses.replace(options, extensions=extensions)
+    claim(options.out)
     interrupt = interrupt or threading.Event()
-    with options.host.alone(interrupt):
-        claim(options.out)
-        return _Execution(scenario, options, observer or Observer(), interrupt).execute()
+    return _Execution(scenario, options, observer or Observer(), interrupt).execute()
 
 
 _SHARED = (
@@ -153,9 +153,9 @@ class _Execution:
     def _add_logged(self) -> None:
         """Add the warnings that participants have logged."""
         for spec in self._scenario.participants:
-            with contextlib.suppress(OSError):
-                log = (self._out / LOGS_FOLDER / f"{spec.name}.log").read_bytes()
-                for text in warnings_in(log):
+            log = self._out / LOGS_FOLDER / f"{spec.name}.log"
+            with contextlib.suppress(OSError), log.open("rb") as file:
+                for text in warnings_in(file.read(HEAD_BYTES)):
                     self._events.add_warning(spec.name, text)
 
     def _describe(self, file: McapFile) -> None:

@@ -86,21 +86,6 @@ def test_the_exit_code_stays_after_the_end(start, code, exit_code, sentence):
     assert (child.exit_code(), child.how_it_ended()) == (exit_code, sentence)
 
 
-def test_a_log_without_end_keeps_its_head_and_its_tail(start, tmp_path):
-    child = start(
-        "import os, time\nos.write(1, b'the first line')\n"
-        "for _ in range(300): os.write(1, b'y' * 100_000)\n"
-        "time.sleep(0.5)\nos.write(1, b'the last line')"
-    )
-    assert child.wait(20.0)
-    child.end()
-    log = (tmp_path / "log").read_bytes()
-    assert len(log) < 9 * 1024 * 1024
-    assert log.startswith(b"the first line")
-    assert log.endswith(b"the last line")
-    assert b"output omitted here]" in log
-
-
 @pytest.mark.parametrize(
     ("activity", "sentence"),
     [

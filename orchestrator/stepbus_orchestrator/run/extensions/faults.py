@@ -1,15 +1,17 @@
-"""Injected faults from outside: processes frozen, slowed down, killed or crashed at a step."""
+"""Faults from outside: processes frozen, slowed down, killed or crashed, or delayed at random."""
 
 import contextlib
+import random
 import resource
 import signal
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping, Sequence
 from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.child import Process
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.kernel.barrier import FAR
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.scenario.faults import (
     MESSAGE_FAULTS,
     PROCESS_FAULTS,
@@ -17,13 +19,77 @@ from stepbus_orchestrator.scenario.faults import (
     format_fault,
 )
 from stepbus_orchestrator.scenario.model import FaultSpec, ParticipantSpec, Scenario
-from stepbus_participant import MessageFault
+from stepbus_participant import Clock, MessageFault
 
+_LONGEST_PAUSE_S = 0.02
+_LONGEST_DELAY_S = 0.01
 _SLOW_HOLD_S = 0.008
 _SLOW_RUN_S = 0.002
 
 
-class Faults(RunExtension):
+class Stops(RunExtension):
+    """Stops and resumes processes, each by a plan of its own.
+
+    SIGSTOP and SIGCONT come from outside: they work for a program in any language, hit it between
+    any two instructions and cannot change its messages.
+    """
+
+    def __init__(self) -> None:
+        self._due: dict[Generator[float], float] = {}
+
+    def follow(self, plan: Generator[float]) -> None:
+        """Follow a plan: it stops and resumes a process, and yields how long that stays so [s]."""
+        self._due[plan] = self.run.clock.monotonic() + next(plan, 0.0)
+
+    def turn(self) -> None:
+        """Stop and resume the processes whose time it is."""
+        now = self.run.clock.monotonic()
+        for plan in [plan for plan, due_s in self._due.items() if now >= due_s]:
+            self._due[plan] = now + next(plan, FAR)
+            if self._due[plan] >= FAR:
+                del self._due[plan]
+
+    def wait_s(self, released: int, longest_s: float) -> float | None:
+        """Return how long to wait until a process is stopped or resumed [s]; None without any."""
+        now = self.run.clock.monotonic()
+        left = (due_s - now for due_s in self._due.values())
+        return min((max(0.0, min(each, longest_s)) for each in left), default=None)
+
+    def stopping(self) -> None:
+        """Resume all: each has to leave."""
+        for plan in self._due:
+            plan.close()
+        self._due = {}
+
+    close = stopping
+
+
+class Delays(Stops):
+    """Stops every participant again and again for up to 10 ms, each at times of its own.
+
+    Whatever changes in the recording is a race of the participant's own.
+
+    seed: of the pauses and delays. count: how many delays there were.
+    """
+
+    def __init__(self, seed: Sequence[int]) -> None:
+        super().__init__()
+        self.count = 0
+        self._seed = list(seed)
+
+    def started(self, participant: ParticipantState) -> None:
+        """Delay a participant from now on."""
+        self.follow(self._disturb(participant.process, len(self._due)))
+
+    def _disturb(self, process: Process, index: int) -> Generator[float]:
+        generator = random.Random(repr([*self._seed, index]))  # noqa: S311  (delays, no secret)
+        while process.exit_code() is None:
+            yield generator.uniform(0, _LONGEST_PAUSE_S)
+            self.count += 1
+            yield from _stopped(process, generator.uniform(0, _LONGEST_DELAY_S))
+
+
+class Faults(Stops):
     """Injects the process faults of a scenario, each when all steps before its own are complete.
 
     Until then no participant is let into that step, so that the fault hits at this step and no
@@ -31,10 +97,10 @@ class Faults(RunExtension):
     """
 
     def __init__(self) -> None:
+        super().__init__()
         self._faults: list[FaultSpec] = []
         self._messages: list[FaultSpec] = []
         self._texts: list[str] = []
-        self._held: list[_Held] = []
 
     def attach(self, run: RunView) -> None:
         """Take the faults of the run's scenario."""
@@ -75,17 +141,6 @@ class Faults(RunExtension):
             self._inject(fault, participants[fault.participant].process)
             self._injected(fault)
 
-    def turn(self) -> None:
-        """Stop and resume those that are frozen or slowed down."""
-        now = self.run.clock.monotonic()
-        self._held = [held for held in self._held if held.goes_on(now)]
-
-    def wait_s(self, released: int, longest_s: float) -> float | None:
-        """Return how long to wait until one is stopped or resumed [s]; None without any."""
-        now = self.run.clock.monotonic()
-        left = (held.changes_at - now for held in self._held)
-        return min((max(0.0, min(each, longest_s)) for each in left), default=None)
-
     def _injected(self, fault: FaultSpec) -> None:
         text = format_fault(fault)
         self._texts.append(text)
@@ -106,46 +161,30 @@ class Faults(RunExtension):
             process.signal(signal.SIGSTOP)
         elif fault.type in {"freeze", "slow"}:
             hold_s = _SLOW_HOLD_S if fault.type == "slow" else lasts_s
-            self._held.append(_Held(process, self.run.clock.monotonic(), lasts_s, hold_s))
+            self.follow(_held(process, self.run.clock, lasts_s, hold_s))
         else:
             _end(process, signal.SIGKILL if fault.type == "kill" else signal.SIGSEGV)
-
-    def stopping(self) -> None:
-        """Resume every process that is frozen or slowed down: each has to leave."""
-        for held in self._held:
-            held.process.signal(signal.SIGCONT)
-        self._held = []
 
     def close(self) -> None:
         """Report the faults on the last messages."""
         self._report_messages(self.run.state.steps)
-        self.stopping()
+        super().close()
 
 
-class _Held:
-    """A process that is stopped for a time, or again and again: slowed down, it runs a fifth of it.
+def _held(process: Process, clock: Clock, lasts_s: float, hold_s: float) -> Generator[float]:
+    """Stop a process for a time, or again and again: slowed down, it runs a fifth of it."""
+    until_s = clock.monotonic() + lasts_s
+    while clock.monotonic() < until_s and process.exit_code() is None:
+        yield from _stopped(process, hold_s)
+        yield _SLOW_RUN_S
 
-    now: when it begins [s]. lasts_s: how long in all. hold_s: how long at once.
-    """
 
-    def __init__(self, process: Process, now: float, lasts_s: float, hold_s: float) -> None:
-        self.process = process
-        self.changes_at = now + hold_s
-        self._until = now + lasts_s
-        self._hold_s = hold_s
-        self._is_stopped = True
-        process.signal(signal.SIGSTOP)
-
-    def goes_on(self, now: float) -> bool:
-        """Stop or resume the process, where it is time; return False once it is over."""
-        if now >= self._until or self.process.exit_code() is not None:
-            self.process.signal(signal.SIGCONT)
-            return False
-        if now >= self.changes_at:
-            self._is_stopped = not self._is_stopped
-            self.process.signal(signal.SIGSTOP if self._is_stopped else signal.SIGCONT)
-            self.changes_at = now + (self._hold_s if self._is_stopped else _SLOW_RUN_S)
-        return True
+def _stopped(process: Process, hold_s: float) -> Generator[float]:
+    process.signal(signal.SIGSTOP)
+    try:
+        yield hold_s
+    finally:
+        process.signal(signal.SIGCONT)
 
 
 def message_faults(scenario: Scenario, name: str) -> list[MessageFault]:

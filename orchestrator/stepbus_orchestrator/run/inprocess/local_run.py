@@ -12,17 +12,17 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.errors import Interrupted, StartFailed
+from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.run.extension import RunView, Strategy
 from stepbus_orchestrator.run.folder import LOGS_FOLDER
 from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub
 from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
 from stepbus_orchestrator.run.inprocess.turns import MOST, PUBLISHED, STAGE, Stage, Turns
-from stepbus_orchestrator.run.inprocess.watch import Watch
+from stepbus_orchestrator.run.inprocess.watch import watched
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
-from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import (
     Clock,
     Endpoint,
@@ -33,28 +33,10 @@ from stepbus_participant import (
 )
 from stepbus_schemas import SPOKEN, Batch, WiringError
 
-_TICK_S = 0.1
-_lock = threading.RLock()
 _BATCH = 0x82
 """A map of two entries; `Outputs` have three and more."""
 _decode_batch = msgspec.msgpack.Decoder(Batch).decode
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-
-@contextlib.contextmanager
-def alone(interrupt: threading.Event) -> Iterator[None]:
-    """Wait until no run of another thread goes on, and keep it so for a block.
-
-    Prints, working directory, modules and handlers of signals are the process's. Raises Interrupted
-    where that is set meanwhile.
-    """
-    while not _lock.acquire(timeout=_TICK_S):
-        if interrupt.is_set():
-            raise Interrupted("interrupted while the run of another thread went on")
-    try:
-        yield
-    finally:
-        _lock.release()
 
 
 def check_scenario(scenario: Scenario, *, has_caller: bool = False) -> None:
@@ -65,6 +47,11 @@ def check_scenario(scenario: Scenario, *, has_caller: bool = False) -> None:
     leave_out = "omit --in-process"
     if has_caller:
         leave_out = "an environment runs in one process"
+    if threading.current_thread() is not threading.main_thread():
+        # Signals, which interrupt a late participant, are handled there only.
+        raise WiringError(
+            f"a run in one process takes the main thread of your program; {leave_out}"
+        )
     external = [spec.name for spec in scenario.participants if spec.is_external]
     if external:
         raise WiringError(
@@ -131,17 +118,11 @@ class LocalRun(Strategy):
                     "one process works in the scenario's folder and logs to the run's "
                     "folder"
                 ) from exc
-            is_interrupted = self._run.interrupt.is_set
-            watch = Watch(self.hub, is_interrupted, native_log)
-            stack.callback(watch.close)
+            self.memory = stack.enter_context(watched(self.hub))
             stack.callback(self._end_all)
-            self.memory = watch.memory
-            if threading.current_thread() is threading.main_thread():
-                handlers = {number: signal.getsignal(number) for number in _SIGNALS}
-                # Those that are None are not Python's.
-                self._handlers = {
-                    n: handler for n, handler in handlers.items() if handler is not None
-                }
+            handlers = {number: signal.getsignal(number) for number in _SIGNALS}
+            # Those that are None are not Python's.
+            self._handlers = {n: handler for n, handler in handlers.items() if handler is not None}
             yield self
 
     def _end_all(self) -> None:
@@ -182,12 +163,13 @@ class LocalRun(Strategy):
     def launch(self, run: RunView) -> None:
         """Begin every participant, in the order of the scenario."""
         scenario, specs = run.state.scenario, run.state.scenario.participants
+        limits = [spec.deadlines for spec in specs]
         self.memory.begin(
             {
                 "result": run.result().decode(),
                 "names": [spec.name for spec in specs],
                 "every": [spec.every for spec in specs],
-                "limits": [_limits(spec.deadlines) for spec in specs],
+                "limits": [[d.spawn_s + d.join_s + d.ready_s, d.step_s, d.stop_s] for d in limits],
                 "files": [str(scenario.folder / s.participant.rpartition(":")[0]) for s in specs],
                 "logs": str(self.logs),
                 "path": sys.path,
@@ -237,12 +219,6 @@ class LocalRun(Strategy):
 def count_steps(words: "memoryview[float]", place: int, data: bytes) -> None:
     """Count the steps that a participant publishes, for the outside watcher."""
     words[place] += len(_decode_batch(data).outputs) if data[0] == _BATCH else 1
-
-
-def _limits(deadlines: Deadlines) -> list[float]:
-    """Return how long a participant may keep the thread in each stage [s]."""
-    ready_s = deadlines.spawn_s + deadlines.join_s + deadlines.ready_s
-    return [ready_s, deadlines.step_s, deadlines.stop_s]
 
 
 def _take_part(spec: ParticipantSpec, folder: Path) -> int:

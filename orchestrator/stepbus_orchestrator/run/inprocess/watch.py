@@ -6,112 +6,65 @@ that is of no use, it ends this process, see `turn_watchdog.py`.
 """
 
 import contextlib
-import ctypes
 import faulthandler
 import os
 import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 
-from stepbus_orchestrator.processes.child import limit_log
 from stepbus_orchestrator.run.inprocess import turn_watchdog, turns
-from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub, Late
+from stepbus_orchestrator.run.inprocess.hub import Hub, Late
 from stepbus_orchestrator.run.inprocess.turn_watchdog import TRACE_SIGNAL
-from stepbus_orchestrator.run.inprocess.turns import INTERRUPTED, LATE, Stage, Turns, make_file
+from stepbus_orchestrator.run.inprocess.turns import LATE, Stage, Turns, make_file
 
-_CHECK_S = 0.1
-_JOIN_S = 1.0
-
-_handling: list["Watch"] = []
-"""Those whose runs are on the main thread; the first installs the handler, the last removes it."""
+_handling: list[tuple[Hub, Turns]] = []
+"""Of the runs that go on; the first installs the handler, the last removes it."""
 
 
-class Watch:
-    """Watches the participants of a run, from when it is made until it is closed.
+@contextlib.contextmanager
+def watched(hub: Hub) -> Iterator[Turns]:
+    """Watch the participants of a run, and yield the memory that shows who has the thread.
 
-    hub: knows who has the thread. is_interrupted: whether the user ends the run. log: kept
-    short, whatever prints. memory: that another process watches: our parent, or else a child.
+    Another process watches it: our parent, or else a child.
     """
-
-    def __init__(
-        self,
-        hub: Hub,
-        is_interrupted: Callable[[], bool],
-        log: Path,
-    ) -> None:
-        self._hub = hub
-        self._is_interrupted = is_interrupted
-        self._log = log
-        self._stack = contextlib.ExitStack()
-        self._thread_id = threading.get_ident()
-        self._is_main = threading.current_thread() is threading.main_thread()
-        self._over = threading.Event()
-        with contextlib.ExitStack() as stack:
-            self.memory = stack.enter_context(_watched_memory())
-            stack.enter_context(self._handled())
-            thread = threading.Thread(target=self._look, name="watch", daemon=True)
-            thread.start()
-            stack.callback(thread.join, _JOIN_S)
-            stack.callback(self._over.set)
-            self._stack = stack.pop_all()
-
-    def close(self) -> None:
-        """Stop watching."""
-        self.memory.enter(Stage.OVER)
-        self._stack.close()
-
-    @contextlib.contextmanager
-    def _handled(self) -> Iterator[None]:
-        """Handle the signal, also in C: the outside watcher has the tracebacks then."""
-        faulthandler.unregister(TRACE_SIGNAL)
-        before = None
-        if self._is_main:
-            before = None if _handling else signal.signal(TRACE_SIGNAL, _raise_late)
-            _handling.append(self)
-        # Written in C, by whichever thread gets the signal, whichever keeps the lock.
-        faulthandler.register(TRACE_SIGNAL, self.memory.trace_file(), all_threads=True, chain=True)
+    with _watched_memory() as memory, _handled(hub, memory):
         try:
-            yield
+            yield memory
         finally:
-            if self._is_main:
-                _handling.remove(self)
-            # One that is ours alone is watched to its end.
-            if turns.own is None:
-                faulthandler.unregister(TRACE_SIGNAL)
-                if before is not None:
-                    signal.signal(TRACE_SIGNAL, before)
+            memory.enter(Stage.OVER)
 
-    def _look(self) -> None:
-        while not self._over.wait(_CHECK_S):
-            limit_log(self._log)
-            if self._is_interrupted():
-                self.memory.words[INTERRUPTED] = 1
-            holder = self._hub.current
-            # Signals are handled on the main thread only.
-            if not self._is_main and holder is not None and self.memory.words[LATE]:
-                self._note(holder, sys._current_frames().get(self._thread_id))
-                thread, error = ctypes.c_ulong(self._thread_id), ctypes.py_object(Late)
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, error)
 
-    def raise_late(self, frame: FrameType | None) -> None:
-        """Raise in the midst of a participant that is late, unless it has come back meanwhile."""
-        holder = self._hub.current
-        if self.memory.words[LATE] and holder is not None and holder.is_running:
-            self._note(holder, frame)
-            raise Late(f"interrupted: {holder.late}")
-
-    def _note(self, holder: HostedParticipant, frame: FrameType | None) -> None:
-        """Note how a participant is late."""
-        held_s, self.memory.words[LATE] = self.memory.words[LATE], 0.0
-        holder.late = f"computing for {held_s:.1f} s, at {_where(frame)}"
+@contextlib.contextmanager
+def _handled(hub: Hub, memory: Turns) -> Iterator[None]:
+    """Handle the signal, also in C: the outside watcher has the tracebacks then."""
+    faulthandler.unregister(TRACE_SIGNAL)
+    if not _handling:
+        signal.signal(TRACE_SIGNAL, _raise_late)
+    row = (hub, memory)
+    _handling.append(row)
+    # Written in C, by whichever thread gets the signal, whichever keeps the lock.
+    faulthandler.register(TRACE_SIGNAL, memory.trace_file(), all_threads=True, chain=True)
+    try:
+        yield
+    finally:
+        _handling.remove(row)
+        # A process that is the run's alone is watched to its end.
+        if turns.own is None:
+            faulthandler.unregister(TRACE_SIGNAL)
+            if not _handling:
+                signal.signal(TRACE_SIGNAL, signal.SIG_DFL)
 
 
 def _raise_late(_number: int, frame: FrameType | None) -> None:
-    for watch in tuple(_handling):
-        watch.raise_late(frame)
+    """Raise in the midst of a participant that is late, unless it has come back meanwhile."""
+    for hub, memory in tuple(_handling):
+        holder = hub.current
+        if memory.words[LATE] and holder is not None and holder.is_running:
+            held_s, memory.words[LATE] = memory.words[LATE], 0.0
+            holder.late = f"computing for {held_s:.1f} s, at {_where(frame)}"
+            raise Late(f"interrupted: {holder.late}")
 
 
 @contextlib.contextmanager

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from stepbus_orchestrator.processes.child import Child
-from stepbus_orchestrator.processes.place import Place
-from stepbus_orchestrator.run.extensions.placement import in_cycles
+from stepbus_orchestrator.run.extensions.placement import in_cycles, place
 from stepbus_orchestrator.scenario.load import load
 
 
@@ -24,27 +23,21 @@ def test_a_process_is_kept_with_all_its_threads(tmp_path):
         tmp_path,
         "import threading; threading.Thread(target=threading.Event().wait, daemon=True).start()",
     )
+    everywhere = os.sched_getaffinity(0)
     try:
-        assert child.core() in os.sched_getaffinity(0)
-        child.place(Place(core=child.core(), yields=True))
-        (kept,) = {frozenset(os.sched_getaffinity(thread)) for thread in threads(child)}
-        assert len(kept) == 1
-        assert child.core() is None  # it is on one core already, for whatever reason
-        assert {os.sched_getscheduler(thread) for thread in threads(child)} == {os.SCHED_BATCH}
-        child.place(Place())
-        assert {frozenset(os.sched_getaffinity(thread)) for thread in threads(child)} == {
-            frozenset(os.sched_getaffinity(0))
-        }
-        assert {os.sched_getscheduler(thread) for thread in threads(child)} == {os.SCHED_OTHER}
+        place(child.pid, {max(everywhere)}, waits=True)
+        assert [os.sched_getaffinity(it) for it in threads(child)] == [{max(everywhere)}] * 2
+        assert {os.sched_getscheduler(it) for it in threads(child)} == {os.SCHED_BATCH}
+        place(child.pid, everywhere, waits=False)
+        assert [os.sched_getaffinity(it) for it in threads(child)] == [everywhere] * 2
+        assert {os.sched_getscheduler(it) for it in threads(child)} == {os.SCHED_OTHER}
         (chosen, *_) = threads(child)
         os.sched_setscheduler(chosen, os.SCHED_IDLE, os.sched_param(0))
-        assert child.core() is None
-        child.place(Place(yields=True))
+        place(child.pid, everywhere, waits=True)
         assert os.sched_getscheduler(chosen) == os.SCHED_IDLE
     finally:
         child.end(0.0)
-    child.place(Place())
-    assert child.core() is None
+    place(child.pid, everywhere, waits=False)
 
 
 def start(folder, code):

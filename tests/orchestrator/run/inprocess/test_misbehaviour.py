@@ -211,36 +211,3 @@ def test_a_signal_that_another_process_may_have_sent_is_not_said_to_be_a_partici
     done = misbehave(tmp_path, kind, "step", "--in-process")
     assert words in done.errors
     assert words in done.result["reason"]
-
-
-PRINTER = """
-import subprocess
-from stepbus import Event, Participant
-
-class Printer(Participant):
-    def update(self, step):
-        if step.index == 1:
-            subprocess.run("head -c 100M /dev/zero; sleep 1", shell=True, check=True)
-        return {"event": Event(level="info", text="done")}
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("starts_a_process")
-def test_what_libraries_and_programs_print_is_bounded(tmp_path):
-    source = tmp_path / "source"
-    source.mkdir()
-    (source / "printer.py").write_text(PRINTER)
-    (source / "scenario.yaml").write_text(
-        "name: p\nstep: 10ms\nduration: 30ms\nparticipants:\n"
-        "  one: {participant: printer.py:Printer, outputs: {event: Event/1}}\n"
-    )
-    words = ["run", str(source / "scenario.yaml"), "--in-process", "--no-report"]
-    done = subprocess.run(
-        [*STEPBUS, *words, "--out", str(tmp_path / "out")],
-        capture_output=True, text=True, timeout=HANGS_S, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    log = tmp_path / "out/logs/native.log"
-    assert log.stat().st_size < 9 << 20
-    assert b"output omitted" in log.read_bytes()
