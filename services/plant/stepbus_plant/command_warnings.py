@@ -1,16 +1,9 @@
 """Warnings about commands that cannot take effect: each cause once per joint, with its numbers."""
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
 
 from stepbus_plant.joint import Joint
 from stepbus_schemas import JointCommand
-
-# Two joints count as swapped if each target misses the other joint's position by less than this
-# share of the distance between the two.
-_SWAPPED = 0.1
-# A target closer than this to its joint's position is right [rad, m].
-_LEAST_SWAP = 0.01
 
 
 class Warnings:
@@ -41,25 +34,6 @@ class Warnings:
             for cause, text in _without_effect(joint, command, index):
                 self.add(f"joint {joint.name}", cause, text)
 
-    def check_start(
-        self, joints: Sequence[Joint], positions: Sequence[float], targets: Sequence[float]
-    ) -> None:
-        """Warn about pairs of joints whose first targets are each other's positions.
-
-        positions, targets: shape (n,), [rad]. A distant target alone is not a mistake.
-        """
-        states = list(zip(joints, positions, targets, strict=True))
-        moving = [state for state in states if abs(state[2] - state[1]) > _LEAST_SWAP]
-        for (one, at_one, to_one), (two, at_two, to_two) in combinations(moving, 2):
-            tolerance = _SWAPPED * abs(at_one - at_two)
-            if abs(to_one - at_two) <= tolerance and abs(to_two - at_one) <= tolerance:
-                self.add(
-                    f"joints {one.name} and {two.name}",
-                    "swapped",
-                    f"are at {at_one:g} and {at_two:g} {one.unit}, their first targets are "
-                    f"{to_one:g} and {to_two:g}; are the two swapped?",
-                )
-
 
 def _without_effect(joint: Joint, command: JointCommand, index: int) -> Iterator[tuple[str, str]]:
     """Yield cause and sentence of what cannot take effect; index: of the joint in the command."""
@@ -73,10 +47,12 @@ def _without_effect(joint: Joint, command: JointCommand, index: int) -> Iterator
         if abs(value) > joint.effort:
             text = f"{value:g} {joint.effort_unit} exceeds its limit of {joint.effort:g}"
             yield "torque", f"{text}; limited to it"
-    elif joint.effort == 0.0 or (limits is not None and limits[index] == 0.0):
+    elif joint.effort == 0.0 or (limits is not None and limits[index] <= 0.0):
         yield "effort", f"has an effort limit of 0 {joint.effort_unit}; nothing moves it"
     elif command.mode == "position":
-        yield from _unreached(joint, value)
+        if (stop := joint.within_stops(value)) != value:
+            text = f"target {value:g} {joint.unit} is beyond its stop at {stop:g}"
+            yield "stop", f"{text}; limited to it"
         velocity = 0.0 if command.velocity is None else command.velocity[index]
         # Tolerate the rounding error of a sender that moves exactly at the limit.
         if 0 < 1.001 * joint.max_velocity < abs(velocity):
@@ -85,12 +61,3 @@ def _without_effect(joint: Joint, command: JointCommand, index: int) -> Iterator
     elif 0 < joint.max_velocity < abs(value):
         text = f"{value:g} {joint.unit}/s exceeds its limit of {joint.max_velocity:g}"
         yield "velocity", f"{text}; limited to it"
-
-
-def _unreached(joint: Joint, target: float) -> Iterator[tuple[str, str]]:
-    if not joint.lower <= target <= joint.upper:
-        stop = joint.within_stops(target)
-        yield (
-            "stop",
-            f"target {target:g} {joint.unit} is beyond its stop at {stop:g}; limited to it",
-        )

@@ -87,7 +87,7 @@ class DirectTorque(Drive):
             self._wanted[index] = _clip(command.values[source], self._efforts[index])
             if index in self._braked:
                 self._braked.remove(index)
-                self._resist(index, self.joints[index].friction)
+                self._resist(index, 0.0)
 
     def brake(self, index: int, position: float) -> None:
         """Hold the joint with the engine's motor, whose torque is not reported."""
@@ -116,10 +116,11 @@ class DirectTorque(Drive):
         return self._applied[index]
 
 
-class _Motors(Drive):
-    """Motors of the engine, which keep their targets from one substep to the next.
+class VelocityMotor(Drive):
+    """Mode velocity: a motor of the engine that tracks a velocity with limited torque.
 
-    _velocities: targets [rad/s]. _forces: torque limits [N·m].
+    It keeps its targets from one substep to the next. _velocities: targets [rad/s]. _forces: torque
+    limits [N·m].
     """
 
     remembers: ClassVar[tuple[str, ...]] = ("_velocities", "_forces")
@@ -134,12 +135,19 @@ class _Motors(Drive):
         """Set targets and torque limits."""
         for index, source in indices:
             own, limit = self._efforts[index], command.effort_limit
-            self._forces[index] = own if limit is None else min(limit[source], own)
+            self._forces[index] = own if limit is None else min(max(limit[source], 0.0), own)
             self._take(index, command, source, period)
         self._changed = True
 
     def _take(self, index: int, command: JointCommand, source: int, period: int) -> None:
         """Set the target of one joint; source: its index in the command."""
+        limit = self.joints[index].max_velocity or math.inf
+        self._velocities[index] = _clip(command.values[source], limit)
+
+    def followed(self, index: int, position: float, dt: float) -> tuple[float, float]:
+        """Return where its velocity takes a joint, no further than to its stops."""
+        velocity = self._velocities[index]
+        return self.joints[index].within_stops(position + velocity * dt), velocity
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """See `Drive`."""
@@ -161,7 +169,7 @@ class _Motors(Drive):
         self._engine.turn(self._body, self._indices, self._velocities, self._forces)
 
 
-class VelocityForce(_Motors):
+class VelocityForce(VelocityMotor):
     """Mode torque for simulators without a torque input.
 
     A motor with an unreachable target velocity and the force limit |τ| applies τ.
@@ -177,20 +185,7 @@ class VelocityForce(_Motors):
         self._forces[index] = min(abs(torque), self._efforts[index])
 
 
-class VelocityMotor(_Motors):
-    """Mode velocity: a motor that tracks a velocity with limited torque."""
-
-    def _take(self, index: int, command: JointCommand, source: int, period: int) -> None:
-        limit = self.joints[index].max_velocity or math.inf
-        self._velocities[index] = _clip(command.values[source], limit)
-
-    def followed(self, index: int, position: float, dt: float) -> tuple[float, float]:
-        """Return where its velocity takes a joint, no further than to its stops."""
-        velocity = self._velocities[index]
-        return self.joints[index].within_stops(position + velocity * dt), velocity
-
-
-class PositionMotor(_Motors):
+class PositionMotor(VelocityMotor):
     """Mode position: a motor that tracks a target with limited torque and velocity.
 
     A target with a feed-forward velocity keeps moving until the next command is due, as in a drive
@@ -198,7 +193,12 @@ class PositionMotor(_Motors):
     staircase, and lag behind.
     """
 
-    remembers: ClassVar[tuple[str, ...]] = (*_Motors.remembers, "_commanded", "_age", "_moving")
+    remembers: ClassVar[tuple[str, ...]] = (
+        *VelocityMotor.remembers,
+        "_commanded",
+        "_age",
+        "_moving",
+    )
 
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(engine, joints, substep_s)

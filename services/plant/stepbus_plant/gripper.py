@@ -244,18 +244,7 @@ class GripperDriver(Commander):
         self._gripper = gripper
 
     def apply(self, command: Any) -> None:
-        """Execute a GripperCommand from now on.
-
-        Raises CommandError for a value that is not finite, and for a force below 0.
-        """
-        for field in ("width", "force"):
-            if not math.isfinite(value := getattr(command, field)):
-                self._reject(f"{field} is {value}, not a finite number")
-        if command.force < 0.0:
-            self._reject(
-                f"force {command.force:g} N is negative; give a force of at least 0: the width "
-                "decides whether to open or close",
-            )
+        """Execute a GripperCommand from now on."""
         least, most = self._gripper.widths
         if not least <= command.width <= most:
             text = f"width {command.width:g} m is out of reach ({least:g} to {most:g} m)"
@@ -264,13 +253,13 @@ class GripperDriver(Commander):
         if command.force > limit:
             text = f"force {command.force:g} N exceeds its limit of {limit:g}; limited to it"
             self._warnings.add(f"input {self._port!r}", "force", text)
-        self.held = command
+        self.state.held = command
 
     def before_step(self) -> None:
         """Move both fingers towards the width, with no more than the commanded force."""
-        if self.held is None:
+        if (held := self.state.held) is None:
             return
-        gap, speed = self.held.width - self._gripper.width(), self._gripper.speed
+        gap, speed = held.width - self._gripper.width(), self._gripper.speed
         velocity = min(max(_GAIN * gap / 2, -speed), speed)
-        force = self.held.force
-        self.execute(JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=[force] * 2))
+        limits = [held.force] * 2
+        self.execute(JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=limits))

@@ -21,8 +21,8 @@ class Joint:
     numbers. type: revolute, continuous or prismatic. axis: in the frame of its child. lower, upper:
     stops [rad]. effort: torque limit [N·m]. max_velocity: limit of the commanded velocity [rad/s];
     0: none. motor: a joint without a motor swings freely. brake: deceleration in an emergency stop
-    [rad/s²]; None: as fast as it can. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
-    start, start_velocity: at t = 0 [rad, rad/s]. mimic: the joint of its body that it follows.
+    [rad/s²]; None: as fast as it can. damping: [N·m·s/rad]. start, start_velocity: at
+    t = 0 [rad, rad/s]. mimic: the joint of its body that it follows.
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     """
 
@@ -40,7 +40,6 @@ class Joint:
     actuation: Actuation
     brake: float | None
     damping: float
-    friction: float
     start: float
     start_velocity: float
     mimic: Mimic | None = None
@@ -98,13 +97,6 @@ class Joint:
         elif self.mimic is None and not self.lower <= self.start <= self.upper:
             limits = f"[{self.lower}, {self.upper}]"
             yield f"start position {self.start} is outside its limits {limits}"
-        has_motor = self.motor and (self.mode, self.actuation) != ("torque", "direct")
-        if self.friction and has_motor:
-            actuation = f" and actuation {self.actuation}" if self.mode == "torque" else ""
-            yield (
-                "friction needs mode torque with actuation direct, but the joint has mode "
-                f"{self.mode}{actuation}"
-            )
 
 
 def make_joint(
@@ -140,7 +132,6 @@ def make_joint(
         actuation=settings.actuation or actuation,
         brake=settings.brake,
         damping=either(settings.damping, damping),
-        friction=settings.friction or 0.0,
         start=either(settings.position, min(max(0.0, lower), upper)),
         start_velocity=settings.velocity or 0.0,
     )

@@ -287,7 +287,7 @@ class Physics:
             stops = (-math.inf, math.inf) if is_loose else (joint.lower, joint.upper)
             engine.set_joint(*where, damping=joint.damping, lower=stops[0], upper=stops[1])
             self.teleport(joint, joint.start, joint.start_velocity)
-            engine.turn(joint.body, [joint.index], [0.0], [joint.friction])
+            engine.turn(joint.body, [joint.index], [0.0], [0.0])
         if self._items:
             engine.update_shapes()
         for number in self._items:

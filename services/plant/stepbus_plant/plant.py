@@ -20,7 +20,7 @@ from stepbus_plant.poses import PoseSensor
 from stepbus_plant.script import Script, check_script
 from stepbus_plant.sensing import JointSensor
 from stepbus_plant.world_file import World
-from stepbus_schemas import GripperCommand, JointState, WiringError
+from stepbus_schemas import JointState, WiringError
 
 
 class _Saved(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
@@ -28,7 +28,7 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
 
     efforts: torques of the last step, of the sensed joints [N·m]. owners: joint → the input that
     drives it. reported, pending: of the warnings. engine: its own state; None: it has none but the
-    joints'. devices, script, held: theirs, and of drivers, with such an engine only.
+    joints'. devices, script: theirs, with such an engine only.
     """
 
     t_ns: int
@@ -42,7 +42,6 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     engine: bytes | None = None
     devices: dict[str, Any] = {}
     script: Any = None
-    held: list[GripperCommand | None] = []
 
 
 class SimulatedPlant:
@@ -190,7 +189,6 @@ class SimulatedPlant:
         )
         if engine is not None:
             saved.engine, saved.devices, saved.script = engine, devices, script
-            saved.held = [driver.held for driver in self.stop.drivers]
         return msgspec.msgpack.encode(saved)
 
     def _is_only_joints(self) -> bool:
@@ -213,8 +211,6 @@ class SimulatedPlant:
             self.physics.engine.restore(saved.engine)
             self.devices.restore(saved.devices)
             self.script.restore(saved.script)
-            for driver, held in zip(self.stop.drivers, saved.held, strict=True):
-                driver.held = held
         for drive, targets in zip(self.motors.drives, saved.drives, strict=True):
             drive.restore(targets)
         self.joints.restore(saved.random)

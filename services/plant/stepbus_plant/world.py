@@ -69,9 +69,6 @@ class JointSettings(Settings):
     allows."""
     damping: NonNegative | None = None
     """Viscous friction [N·m·s/rad]. Default: 0; the URDF is ignored."""
-    friction: NonNegative | None = None
-    """Coulomb friction [N·m]; only with mode torque and actuation direct. Default: 0; the URDF
-    is ignored."""
 
     def over(self, defaults: JointSettings) -> JointSettings:
         """Return these settings, with those of `defaults` where they are absent."""

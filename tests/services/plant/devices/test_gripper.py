@@ -175,16 +175,10 @@ def test_pads_that_rest_on_the_ground_hold_nothing(tmp_path):
     assert not gripper.holding
 
 
-@pytest.mark.parametrize(
-    ("command", "text"),
-    [
-        (GripperCommand(width=0.0, force=-1.0), "input 'gripper': force -1 N is negative"),
-        (GripperCommand(width=math.nan, force=1.0), "input 'gripper': width is nan, not a finite"),
-    ],
-)
-def test_a_command_without_sense_is_refused(tmp_path, command, text):
-    with pytest.raises(CommandError, match=text):
-        make_gripper(tmp_path).update(0, gripper=command)
+@pytest.mark.parametrize(("width", "force"), [(math.nan, 1.0), (0.0, math.nan)])
+def test_a_command_that_is_not_finite_is_refused(tmp_path, width, force):
+    with pytest.raises(CommandError, match=r"input 'gripper': .* of joint left is nan"):
+        make_gripper(tmp_path).update(0, gripper=GripperCommand(width=width, force=force))
 
 
 @pytest.mark.parametrize(
@@ -195,7 +189,7 @@ def test_a_command_without_sense_is_refused(tmp_path, command, text):
             GripperCommand(width=0.0, force=99.0),
             "force 99 N exceeds its limit of 30; limited to it",
         ),
-        (GripperCommand(width=0.0, force=0.0), "left: has an effort limit of 0 "),
+        (GripperCommand(width=0.0, force=-1.0), "left: has an effort limit of 0 "),
     ],
 )
 def test_what_a_gripper_cannot_do_is_told(tmp_path, command, text):
