@@ -51,7 +51,7 @@ class Base:
 
     @property
     def description(self) -> Description:
-        """Return the wheels, and their limits."""
+        """The wheels, and their limits."""
         return describe_joints(self.joints)
 
     def _read(self) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -166,11 +166,6 @@ class Devices:
             self.felt.append(device)
         return device, getattr(row, "period_ns", None) or self._period_ns
 
-    def wait_for_triggers(self, port: str) -> None:
-        """Let the camera of an input take images on request; raises as `sensor`."""
-        name, _ = self._choose("cameras", port, TRIGGER)
-        self.cameras[name].wait_for_triggers()
-
     def driver(self, port: str, port_type: str, motors: Motors) -> Commander:
         """Return the driver of the device of an input; raises as `sensor`."""
         name, _ = self._choose(COMMANDS[port_type], port, port_type)

@@ -77,12 +77,11 @@ class DirectTorque(Drive):
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(engine, joints, substep_s)
         self._wanted = [0.0] * len(joints)
-        self._applied = self._wanted
+        self._applied = self._wanted.copy()
         self._braked: list[int] = []
 
     def command(self, command: JointCommand, indices: Indices, period: int) -> None:
         """Set torques, saturated at the joints' limits; this releases the brake."""
-        self._wanted = self._wanted.copy()
         for index, source in indices:
             self._wanted[index] = _clip(command.values[source], self._efforts[index])
             if index in self._braked:
@@ -91,7 +90,6 @@ class DirectTorque(Drive):
 
     def brake(self, index: int, position: float) -> None:
         """Hold the joint with the engine's motor, whose torque is not reported."""
-        self._wanted = self._wanted.copy()
         self._wanted[index] = 0.0
         if index not in self._braked:
             self._braked.append(index)
@@ -108,7 +106,7 @@ class DirectTorque(Drive):
 
     def before_substep(self) -> None:
         """Apply the torques; the engine forgets them after every substep."""
-        self._applied = self._wanted
+        self._applied = self._wanted.copy()
         self._engine.push(self._body, self._indices, self._applied)
 
     def torque(self, index: int) -> float:

@@ -102,15 +102,13 @@ class Gripper:
     """
 
     def __init__(self, row: GripperSettings, fingers: tuple[Joint, Joint], engine: Engine) -> None:
-        left, right = self.joints = fingers
+        self.joints = fingers
         self.description = describe_joints(fingers)
         self.speed = row.speed
-        self.max_force = min(left.effort, right.effort)
-        self.widths = (left.lower + right.lower, left.upper + right.upper)
         self.fingers: list[Link] = [(joint.body, joint.index) for joint in self.joints]
         self.held_without_forces: Link | None = None
         self._engine = engine
-        self._slide = left.axis
+        self._slide = fingers[0].axis
         self._grip: Grip | None = None
         self._pressed_along: Point = (0.0, 0.0, 0.0)
         self._stale: list[Link] = []
@@ -245,14 +243,6 @@ class GripperDriver(Commander):
 
     def apply(self, command: Any) -> None:
         """Execute a GripperCommand from now on."""
-        least, most = self._gripper.widths
-        if not least <= command.width <= most:
-            text = f"width {command.width:g} m is out of reach ({least:g} to {most:g} m)"
-            self._warnings.add(f"input {self._port!r}", "width", text)
-        limit = self._gripper.max_force
-        if command.force > limit:
-            text = f"force {command.force:g} N exceeds its limit of {limit:g}; limited to it"
-            self._warnings.add(f"input {self._port!r}", "force", text)
         self.state.held = command
 
     def before_step(self) -> None:

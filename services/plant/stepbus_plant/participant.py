@@ -19,10 +19,10 @@ from stepbus_participant import (
 )
 from stepbus_plant.camera import TYPES
 from stepbus_plant.commander import Commander, DriverState
-from stepbus_plant.devices import COMMANDS, STATES, TRIGGER, period_problem
+from stepbus_plant.devices import COMMANDS, STATES, period_problem
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
-from stepbus_plant.poses import PLANOGRAM, Planogram
+from stepbus_plant.poses import PLANOGRAM, Planogram, PoseSensor
 from stepbus_plant.world_file import load_world
 from stepbus_schemas import Description, EmergencyStop, Event, Message, WiringError
 
@@ -98,10 +98,6 @@ class Plant(Participant):
         """
         plant, period_ns = self.plant, self._period_ns
         types = {port: config.type for port, config in self.config.outputs.items()}
-        for port, config in self.config.inputs.items():
-            if config.type == TRIGGER:
-                wait = partial(plant.devices.wait_for_triggers, port)
-                problems.attempt(("inputs", port), wait)
         drivers = {
             port: problems.attempt(
                 ("inputs", port), partial(plant.devices.driver, port, config.type, plant.motors)
@@ -117,7 +113,9 @@ class Plant(Participant):
         wrong = problems.below(("params",))
         if text := period_problem(params.poses_period_ns, period_ns):
             wrong.add(("poses_period",), text)
-        poses = problems.attempt((), lambda: plant.pose_sensor(params.poses, params.points, wrong))
+        poses = problems.attempt(
+            (), lambda: PoseSensor(plant.physics, params.poses, params.points, wrong)
+        )
         if poses is None or len(problems):
             raise problems.error()
         self._devices = {port: row for port, row in drivers.items() if row is not None}
@@ -244,8 +242,6 @@ class Plant(Participant):
         """Brake all joints and bases, or let commands move them again; by: who asks."""
         if not isinstance(on, bool):
             raise CallError(f"ON must be true or false, not {on!r}")
-        if not (isinstance(by, str) and by.strip()):
-            raise CallError(f"BY must be a name, not {by!r}")
         script = self.plant.script
         self.plant.stop.set(self.plant.t_ns, by, script.record, active=on)
         self._report(script.take_events(), self._events, logging.INFO)

@@ -181,20 +181,10 @@ def test_a_command_that_is_not_finite_is_refused(tmp_path, width, force):
         make_gripper(tmp_path).update(0, gripper=GripperCommand(width=width, force=force))
 
 
-@pytest.mark.parametrize(
-    ("command", "text"),
-    [
-        (GripperCommand(width=0.3, force=1.0), "width 0.3 m is out of reach (0 to 0.1 m)"),
-        (
-            GripperCommand(width=0.0, force=99.0),
-            "force 99 N exceeds its limit of 30; limited to it",
-        ),
-        (GripperCommand(width=0.0, force=-1.0), "left: has an effort limit of 0 "),
-    ],
-)
-def test_what_a_gripper_cannot_do_is_told(tmp_path, command, text):
-    shown = run(make_gripper(tmp_path), 1, gripper=command)
-    assert text in shown["warnings"].text
+@pytest.mark.parametrize("force", [0.0, -1.0])
+def test_a_gripper_without_force_is_told(tmp_path, force):
+    shown = run(make_gripper(tmp_path), 1, gripper=GripperCommand(width=0.0, force=force))
+    assert "left: has an effort limit of 0 " in shown["warnings"].text
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.01, 0.05])
