@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any, ClassVar
 
-from stepbus_plant.command_warnings import Warnings
 from stepbus_plant.engine import Engine, Goal
 from stepbus_plant.joint import Joint
 from stepbus_plant.physics import Physics
@@ -266,6 +265,35 @@ _CLASSES: Mapping[tuple[str, str], type[Drive]] = {
     ("position", ""): PositionMotor,
 }
 """Mode and, of mode torque, actuation → class; of any other: `Drive`."""
+
+
+class Warnings:
+    """Collects warnings about commands until they are taken.
+
+    Each cause is reported once per subject: a controller that commands the impossible does so at
+    every step. reported: (subject, cause). pending: those since the last call of `take`.
+    """
+
+    def __init__(self) -> None:
+        self.reported: set[tuple[str, str]] = set()
+        self.pending: list[str] = []
+
+    def add(self, subject: str, cause: str, text: str) -> None:
+        """Add a warning, unless this cause has been reported for this subject."""
+        if (subject, cause) not in self.reported:
+            self.reported.add((subject, cause))
+            self.pending.append(f"{subject}: {text}")
+
+    def take(self) -> list[str]:
+        """Return the warnings since the last call, one sentence each."""
+        new, self.pending = self.pending, []
+        return new
+
+    def check(self, joints: Sequence[Joint], command: JointCommand) -> None:
+        """Warn about each part of a command that cannot take effect; its vectors fit the joints."""
+        for index, joint in enumerate(joints):
+            for cause, text in joint.without_effect(command, index):
+                self.add(f"joint {joint.name}", cause, text)
 
 
 class Motors:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from stepbus_models import Joint as DescribedJoint
 from stepbus_models import Mimic
 from stepbus_plant.world import Actuation, JointSettings, OwnMode
-from stepbus_schemas import Description, Point
+from stepbus_schemas import Description, JointCommand, Point
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +77,35 @@ class Joint:
             f"joint {self.name} cannot be teleported to {position:g}; its limits are "
             f"[{self.lower:g}, {self.upper:g}]"
         )
+
+    def without_effect(self, command: JointCommand, index: int) -> Iterator[tuple[str, str]]:
+        """Yield cause and sentence of each part of a command that cannot take effect on it.
+
+        index: its own in the vectors of the command.
+        """
+        value, limits = command.values[index], command.effort_limit
+        is_torque = command.mode == "torque"
+        if self.mimic is not None:
+            yield (
+                "mimic",
+                f"follows joint {self.mimic.joint!r} (<mimic>); command that joint instead",
+            )
+        elif not self.motor:
+            yield "motor", "has no motor (world file: motor: false); it swings freely"
+        elif not is_torque and min(self.effort, limits[index] if limits else math.inf) <= 0.0:
+            yield "effort", f"has an effort limit of 0 {self.effort_unit}; nothing moves it"
+        elif command.mode == "position":
+            if (stop := self.within_stops(value)) != value:
+                text = f"target {value:g} {self.unit} is beyond its stop at {stop:g}"
+                yield "stop", f"{text}; limited to it"
+            velocity = 0.0 if command.velocity is None else command.velocity[index]
+            # Tolerate the rounding error of a sender that moves exactly at the limit.
+            if 0 < 1.001 * self.max_velocity < abs(velocity):
+                text = f"its target moves at {velocity:g} {self.unit}/s, its limit is "
+                yield "target velocity", f"{text}{self.max_velocity:g}; it falls behind"
+        elif abs(value) > (limit := self.effort if is_torque else self.max_velocity or math.inf):
+            unit = self.effort_unit if is_torque else f"{self.unit}/s"
+            yield command.mode, f"{value:g} {unit} exceeds its limit of {limit:g}; limited to it"
 
     def follow(self, leader: Joint, mimic: Mimic) -> Joint:
         """Return the joint as a follower of another one: without a motor, where that takes it."""

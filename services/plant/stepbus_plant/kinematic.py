@@ -102,16 +102,11 @@ class Kinematics:
     def _grasp(self, name: str, gripper: Gripper, states: _States) -> None:
         """Stop the fingers at what is between them, and hold it; let go when they open."""
         wanted = sum(states[joint.name][1] for joint in gripper.joints)
-        grip, width = self._grips.get(name), gripper.width()
+        grip, width = self._grips.pop(name, None), gripper.width()
         if grip is None and wanted < width:
             grip = self._between(gripper, width)
-            if grip is not None and wanted > grip.width:
-                grip = None
-        elif grip is not None and wanted > grip.width + _RELEASED:
-            grip = None
-        self._grips.pop(name, None)
         gripper.held_without_forces = None
-        if grip is not None:
+        if grip is not None and wanted <= grip.width + _RELEASED:
             self._grips[name] = grip
             gripper.held_without_forces = grip.thing
             for joint in gripper.joints:
