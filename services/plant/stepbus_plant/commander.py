@@ -111,8 +111,8 @@ class Commander:
         self.state.ramp = None
         if self.state.mode == "brake":
             return
-        for (drive, index), position in zip(self._drives, self._positions(), strict=True):
-            drive.brake(index, position)
+        for joint, (drive, index) in zip(self._joints, self._drives, strict=True):
+            drive.brake(index, self._physics.position(joint))
         self.state.mode = "brake"
 
     def halt(self) -> None:
@@ -166,9 +166,6 @@ class Commander:
             if owner != self._port:
                 self._reject(f"joint {joint.name} is already driven by input {owner!r}")
         self.state.mode = mode
-
-    def _positions(self) -> list[float]:
-        return [self._physics.position(joint) for joint in self._joints]
 
     def _teleport(self, command: JointCommand) -> None:
         velocities = command.velocity or [0.0] * len(self._joints)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from stepbus_models import Joint as DescribedJoint
 from stepbus_models import Mimic
-from stepbus_plant.world import Actuation, JointSettings, OwnMode
+from stepbus_plant.world import JointSettings, OwnMode
 from stepbus_schemas import Description, JointCommand, Point
 
 
@@ -37,7 +37,6 @@ class Joint:
     max_velocity: float
     mode: OwnMode
     motor: bool
-    actuation: Actuation
     brake: float | None
     damping: float
     start: float
@@ -133,12 +132,11 @@ def make_joint(
     described: DescribedJoint,
     settings: JointSettings,
     *,
-    actuation: Actuation,
     damping: float,
 ) -> Joint:
     """Return a joint as described, overridden by the settings.
 
-    where: its numbers in the engine. actuation, damping [N·m·s/rad]: where the settings have none.
+    where: its numbers in the engine. damping: where the settings have none [N·m·s/rad].
     """
 
     def either(*values: float | None) -> float:
@@ -158,7 +156,6 @@ def make_joint(
         max_velocity=either(settings.max_velocity, described.velocity),
         mode=settings.mode or "torque",
         motor=settings.motor is not False,
-        actuation=settings.actuation or actuation,
         brake=settings.brake,
         damping=either(settings.damping, damping),
         start=either(settings.position, min(max(0.0, lower), upper)),

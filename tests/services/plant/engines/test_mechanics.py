@@ -208,7 +208,8 @@ def test_a_brake_holds_a_torque_driven_joint(tmp_path, engine):
 
 
 def test_a_torque_by_way_of_a_velocity_motor_is_the_same_torque(tmp_path, engine):
-    plant = disc(tmp_path, engine, "actuation: velocity_force, effort: 10")
+    row = fixed(DISC, "joint_defaults: {effort: 10}")
+    plant = make(tmp_path, engine, {"disc": row}, actuation="velocity_force")
     command(plant, "torque", 3.0)
     assert state(advance(plant, 100), "axle")[1] == pytest.approx(3 / DISC_MOMENT * 0.1, rel=1e-3)
     assert plant.sense().effort == pytest.approx([3.0], rel=1e-3)
