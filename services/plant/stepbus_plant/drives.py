@@ -160,10 +160,7 @@ class VelocityMotor(Drive):
         """Set the motors if a command has changed them."""
         if self._changed:
             self._changed = False
-            self._set()
-
-    def _set(self) -> None:
-        self._engine.turn(self._body, self._indices, self._velocities, self._forces)
+            self._engine.turn(self._body, self._indices, self._velocities, self._forces)
 
 
 class VelocityForce(VelocityMotor):
@@ -237,21 +234,15 @@ class PositionMotor(VelocityMotor):
 
     def before_substep(self) -> None:
         """Set the motors if a command has changed them, and advance the moving targets."""
-        super().before_substep()
-        for index, period in list(self._moving.items()):
-            if self._age[index] >= period:
+        indices = range(len(self.joints)) if self._changed else list(self._moving)
+        self._changed = False
+        for index in indices:
+            if self._age[index] >= self._moving.get(index, math.inf):
                 self._hold(index, self.target(index))
-            self._set_one(index)
-            self._age[index] += 1 if index in self._moving else 0
-
-    def _set(self) -> None:
-        for index in range(len(self.joints)):
-            self._set_one(index)
-
-    def _set_one(self, index: int) -> None:
-        joint, velocity = self.joints[index], self._velocities[index]
-        goal = Goal(self.target(index), velocity, self._forces[index], joint.max_velocity)
-        self._engine.bring(self._body, joint.index, goal)
+            joint, velocity = self.joints[index], self._velocities[index]
+            goal = Goal(self.target(index), velocity, self._forces[index], joint.max_velocity)
+            self._engine.bring(self._body, joint.index, goal)
+            self._age[index] += index in self._moving
 
 
 def _clip(value: float, limit: float) -> float:

@@ -19,17 +19,12 @@ class StopSwitch:
         self.drivers: dict[str, Commander] = {}
         self.state = EmergencyStop(active=False)
 
-    @property
-    def active(self) -> bool:
-        """Return whether an emergency stop is in force."""
-        return self.state.active
-
     def set(self, t_ns: int, by: str, record: Callable[[int, str], None], *, active: bool) -> None:
         """Stop, or let commands move again; what is so already stays as it is.
 
         t_ns: now [ns]. by: who asks. record: takes the time and what has happened.
         """
-        if active == self.active:
+        if active == self.state.active:
             return
         self.state = EmergencyStop(active=active, by=by, since=t_ns * 1e-9)
         for driver in self.drivers.values():

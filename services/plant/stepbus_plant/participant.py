@@ -186,12 +186,12 @@ class Plant(Participant):
         advances = not is_last or step.index > 0
         plant = self.plant
         for port, driver in self._drivers.items():
-            if step.is_new(port) and not (plant.stop.active and driver.obeys_stop):
+            if step.is_new(port) and not (plant.stop.state.active and driver.obeys_stop):
                 driver.apply(step.read(port))
                 driver.state.heard_ns = plant.t_ns
         if advances:
             longest_ns = plant.params.watchdog_ns
-            if longest_ns is not None and not plant.stop.active:
+            if longest_ns is not None and not plant.stop.state.active:
                 plant.stop.watch(plant.t_ns, longest_ns, plant.script.record)
             for driver in self._drivers.values():
                 driver.before_step()
