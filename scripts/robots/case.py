@@ -16,6 +16,7 @@ import stepbus
 from stepbus_kinematics import RobotModel
 from stepbus_participant import package_path
 from stepbus_plant import Params, SimulatedPlant, load_world
+from stepbus_plant.poses import PoseSensor
 
 POSES, STEP, G = 20, 1e-3, 9.81
 _FLOOR = """<robot name="floor"><link name="floor"><collision><origin xyz="0 0 -0.5"/><geometry>
@@ -124,7 +125,7 @@ class Case:
 
         Those of RobotModel are nan where it refuses the file.
         """
-        sensor, rows = plant.pose_sensor(), []
+        sensor, rows = PoseSensor(plant.physics), []
         try:
             model = RobotModel(package_path(self.url))
         except stepbus.WiringError:

@@ -8,7 +8,7 @@ from support.tools import needs_pybullet
 
 from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_plant.engine import BASE
-from stepbus_plant.poses import Planogram
+from stepbus_plant.poses import Planogram, PoseSensor
 from stepbus_schemas import WiringError
 
 STOCK = """
@@ -112,7 +112,7 @@ def test_a_changed_mass_scales_the_inertia(tmp_path):
 
 def test_a_body_its_link_and_its_type_are_named_after_the_item(tmp_path):
     plant = SimulatedPlant(load(tmp_path), Params(world="world.yaml"), 4_000_000, 0)
-    said = plant.pose_sensor().description
+    said = PoseSensor(plant.physics).description
     assert said.names == ["board", *plant.world.items]
     assert said.details["type"] == ["", *(item.type for item in plant.world.items.values())]
 
@@ -202,7 +202,7 @@ def test_a_planogram_has_the_slots_to_the_centimetre(tmp_path):
     text = STOCK.replace("[0.0, 0, 0.5]", "[0.004, 0, 0.5]")
     world = load(tmp_path, text=text)
     plant = SimulatedPlant(world, Params(world="world.yaml"), 8_000_000, 0)
-    sensor = plant.pose_sensor(None)
+    sensor = PoseSensor(plant.physics)
     true, plan = sensor.sense(), Planogram(sensor, world.items).sense(0)
     for name, truth, place in zip(sensor.names, true.position, plan.position, strict=True):
         if name in world.items:

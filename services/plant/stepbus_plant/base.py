@@ -51,7 +51,7 @@ class Base:
 
     @property
     def description(self) -> Description:
-        """Return the wheels, and their limits."""
+        """The wheels, and their limits."""
         return describe_joints(self.joints)
 
     def _read(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -105,22 +105,6 @@ class BaseDriver(Commander):
         self._base = base
 
     def apply(self, command: Any) -> None:
-        """Execute a BaseCommand from now on.
-
-        Raises CommandError for a value that is not finite, and for velocities of both the base and
-        the wheels.
-        """
-        velocity = {"vx": command.vx, "wz": command.wz}
-        if command.wheels is None:
-            for field, value in velocity.items():
-                if not math.isfinite(value):
-                    self._reject(f"{field} is {value}, not a finite number")
-            values = self._base.wheel_velocities(**velocity)
-        elif any(velocity.values()):
-            self._reject(
-                f"sets both 'wheels' and vx {command.vx:g}, wz {command.wz:g}; give the velocity "
-                "of either the base or its wheels"
-            )
-        else:
-            values = list(command.wheels)
-        self.execute(JointCommand(mode="velocity", values=values))
+        """Execute a BaseCommand from now on; velocities of its wheels go over those of the base."""
+        wheels = command.wheels or self._base.wheel_velocities(command.vx, command.wz)
+        super().apply(JointCommand(mode="velocity", values=list(wheels)))

@@ -264,6 +264,7 @@ class TriggerDriver(Commander):
 
     def __init__(self, port: str, camera: Camera, motors: Motors) -> None:
         super().__init__(port, [], motors)
+        camera.wait_for_triggers()
         self._camera = camera
         self._id: int | None = None
 

@@ -10,15 +10,6 @@ from stepbus_participant import InvalidInput
 from stepbus_plant.drives import Motors
 from stepbus_schemas import GripperCommand, JointCommand, JointMode, WiringError
 
-_EXTRAS = {
-    "torque": (),
-    "velocity": ("effort_limit",),
-    "position": ("velocity", "effort_limit"),
-    "teleport": ("velocity",),
-    "brake": (),
-}
-"""Mode → the vectors it accepts beside `values`."""
-
 
 class CommandError(InvalidInput, ValueError):
     """An invalid command; its sender is to blame."""
@@ -34,23 +25,26 @@ class Ramp(msgspec.Struct):
     velocities: list[float]
     left: float
 
-    def after(self, seconds: float) -> tuple[list[float], list[float]] | None:
-        """Return positions and velocities some time later; None: all are at rest."""
-        if self.left <= seconds:
-            return None
-        share = 1.0 - seconds / self.left
-        self.left -= seconds
-        before, self.velocities = self.velocities, [v * share for v in self.velocities]
-        means = ((one + two) / 2 for one, two in zip(before, self.velocities, strict=True))
-        self.positions = [p + v * seconds for p, v in zip(self.positions, means, strict=True)]
-        return self.positions, self.velocities
+
+class DriverState(msgspec.Struct):
+    """The state of a driver, for a checkpoint.
+
+    mode: of the last command. ramp: brings its joints to rest; None: they move as commanded, or
+    are at rest. held: a command that each step executes anew. heard_ns: time of the last command
+    [ns]; None: the watchdog does not wait for one.
+    """
+
+    mode: JointMode | None = None
+    ramp: Ramp | None = None
+    held: GripperCommand | None = None
+    heard_ns: int | None = None
 
 
 class Commander:
     """Executes the commands of one input; there may be several, one for each arm.
 
     port: name of the input, for messages. names: joints of the vectors, in order. period_ns:
-    between two commands [ns]; default: the plant's step. mode: of the last command.
+    between two commands [ns]; default: the plant's step. state: mutable.
     Raises WiringError for names that are unknown, fixed or duplicate.
     """
 
@@ -65,11 +59,7 @@ class Commander:
         self._motors = motors
         self._physics = motors.physics
         self._warnings = motors.warnings
-        self.mode: JointMode | None = None
-        self.ramp: Ramp | None = None
-        """How the joints come to rest; None: they do not, or are."""
-        self.held: GripperCommand | None = None
-        """What each step executes anew."""
+        self.state = DriverState()
         self._check_names(names)
         self._joints = [self._physics.joints[name] for name in names]
         self._drives = [motors.drive_of[name] for name in names]
@@ -79,90 +69,80 @@ class Commander:
         ]
 
     def _check_names(self, names: Sequence[str]) -> None:
-        unmoved = "; no command moves it"
-        mistakes = [
-            f"joint {n!r} {text}{unmoved if n in self._physics.fixed else ''}"
-            for n in names
-            if (text := self._physics.lacks_joint(n))
-        ]
-        mistakes += [
-            f"joint {n!r} is listed twice" for n in dict.fromkeys(names) if names.count(n) > 1
-        ]
+        texts = [(name, self._physics.lacks_joint(name)) for name in names]
+        twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+        mistakes = [f"joint {name!r} {text}" for name, text in texts if text]
+        mistakes += [f"joint {name!r} is listed twice" for name in twice]
         if mistakes:
             raise WiringError("\n".join(mistakes))
 
     def apply(self, command: Any) -> None:
         """Execute a JointCommand from now on; an invalid one has no effect at all.
 
-        Raises CommandError for a vector of the wrong length or one that the mode does not accept, a
-        value that is not finite, a mode that a joint does not accept, a teleport beyond a stop, and
-        a joint that another input drives. Every joint accepts mode brake.
+        Raises CommandError for a vector of the wrong length, a value that is not finite, a mode
+        that a joint does not accept, a teleport beyond a stop, and a joint that another input
+        drives. Every joint accepts mode brake.
         """
-        self.ramp = None
+        self.state.ramp = None
         self.execute(command)
 
     def before_step(self) -> None:
         """Prepare a communication step, with or without a new command: the drives keep theirs."""
-        if self.ramp is None:
+        ramp, seconds = self.state.ramp, self._motors.period_ns * 1e-9
+        if ramp is None:
             return
-        state = self.ramp.after(self._motors.period_ns * 1e-9)
-        if state is None:
+        if ramp.left <= seconds:
             self.stop()
             return
-        positions, velocities = state
-        if self.mode == "velocity":
-            self.execute(JointCommand(mode="velocity", values=velocities))
+        share = 1.0 - seconds / ramp.left
+        rows = zip(ramp.positions, ramp.velocities, strict=True)
+        ramp.positions = [p + (v + v * share) / 2 * seconds for p, v in rows]
+        ramp.velocities = [v * share for v in ramp.velocities]
+        ramp.left -= seconds
+        if self.state.mode == "velocity":
+            self.execute(JointCommand(mode="velocity", values=ramp.velocities))
         else:
-            self.execute(JointCommand(mode="position", values=positions, velocity=velocities))
+            self.execute(
+                JointCommand(mode="position", values=ramp.positions, velocity=ramp.velocities)
+            )
 
     def stop(self) -> None:
         """Hold every joint at its current position; a repeated brake keeps the first one."""
-        self.ramp = None
-        if self.mode == "brake":
+        self.state.ramp = None
+        if self.state.mode == "brake":
             return
-        for (drive, index), position in zip(self._drives, self._positions(), strict=True):
-            drive.brake(index, position)
-        self.mode = "brake"
+        for joint, (drive, index) in zip(self._joints, self._drives, strict=True):
+            drive.brake(index, self._physics.position(joint))
+        self.state.mode = "brake"
 
     def halt(self) -> None:
         """Come to rest in an emergency stop; `before_step` is called all the while."""
         brakes = [joint.brake for joint in self._joints if joint.brake is not None]
-        if len(brakes) < len(self._joints) or self.mode not in ("velocity", "position"):
+        if len(brakes) < len(self._joints) or self.state.mode not in ("velocity", "position"):
             self.stop()
             return
         states = [self._physics.state(joint) for joint in self._joints]
         positions, velocities = map(list, zip(*states, strict=True))
         # Each no harder than it may brake.
         left = max(abs(v) / most for v, most in zip(velocities, brakes, strict=True))
-        self.ramp = Ramp(positions, velocities, left)
+        self.state.ramp = Ramp(positions, velocities, left)
 
     def execute(self, command: JointCommand) -> None:
         """Execute a command of joints, see `apply`."""
-        self._check_vector("values", command.values)
-        if command.velocity is not None:
-            self._check_extra("velocity", command.velocity, command.mode)
-        if command.effort_limit is not None:
-            self._check_extra("effort_limit", command.effort_limit, command.mode)
-            if command.effort_limit and min(command.effort_limit) < 0:
-                self._reject(f"effort_limit {min(command.effort_limit)} is negative")
+        for field in ("values", "velocity", "effort_limit"):
+            if (vector := getattr(command, field)) is not None:
+                self._check_vector(field, vector)
         if command.mode == "teleport":
             self._teleport(command)
             return
         if command.mode == "brake":
             self.stop()
             return
-        if command.mode != self.mode:
+        if command.mode != self.state.mode:
             self._own(command.mode)
-            if command.mode == "position":
-                self._warnings.check_start(self._joints, self._positions(), command.values)
         self._warnings.check(self._joints, command)
         for drive, indices in self._indices:
             drive.command(command, indices, self._period)
-
-    def _check_extra(self, field: str, vector: Sequence[float], mode: JointMode) -> None:
-        if field not in _EXTRAS[mode]:
-            self._reject(f"mode {mode} does not use {field}; remove it")
-        self._check_vector(field, vector)
 
     def _check_vector(self, field: str, vector: Sequence[float]) -> None:
         if len(vector) != len(self._joints):
@@ -170,10 +150,9 @@ class Commander:
                 f"{field} has {len(vector)} entries for {len(self._joints)} joints "
                 f"({', '.join(joint.name for joint in self._joints)})"
             )
-        if not math.isfinite(sum(vector)):
-            for joint, value in zip(self._joints, vector, strict=True):
-                if not math.isfinite(value):
-                    self._reject(f"{field} of joint {joint.name} is {value}, not a finite number")
+        for joint, value in zip(self._joints, vector, strict=True):
+            if not math.isfinite(value):
+                self._reject(f"{field} of joint {joint.name} is {value}, not a finite number")
 
     def _own(self, mode: JointMode) -> None:
         """Check that the joints accept this mode and that no other input drives them."""
@@ -186,10 +165,7 @@ class Commander:
             owner = self._motors.owners.setdefault(joint.name, self._port)
             if owner != self._port:
                 self._reject(f"joint {joint.name} is already driven by input {owner!r}")
-        self.mode = mode
-
-    def _positions(self) -> list[float]:
-        return [self._physics.position(joint) for joint in self._joints]
+        self.state.mode = mode
 
     def _teleport(self, command: JointCommand) -> None:
         velocities = command.velocity or [0.0] * len(self._joints)

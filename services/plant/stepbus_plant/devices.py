@@ -88,7 +88,7 @@ class Devices:
             for name, row in world.bases.items()
         }
         self.grippers = {
-            name: Gripper(row, (joints[row.left], joints[row.right]), engine)
+            name: Gripper((joints[row.left], joints[row.right]), engine)
             for name, row in world.grippers.items()
         }
         self.contacts = {
@@ -165,11 +165,6 @@ class Devices:
         if isinstance(device, ContactSensor) and device not in self.felt:
             self.felt.append(device)
         return device, getattr(row, "period_ns", None) or self._period_ns
-
-    def wait_for_triggers(self, port: str) -> None:
-        """Let the camera of an input take images on request; raises as `sensor`."""
-        name, _ = self._choose("cameras", port, TRIGGER)
-        self.cameras[name].wait_for_triggers()
 
     def driver(self, port: str, port_type: str, motors: Motors) -> Commander:
         """Return the driver of the device of an input; raises as `sensor`."""

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any, ClassVar
 
-from stepbus_plant.command_warnings import Warnings
 from stepbus_plant.engine import Engine, Goal
 from stepbus_plant.joint import Joint
 from stepbus_plant.physics import Physics
@@ -19,7 +18,7 @@ Indices = Sequence[tuple[int, int]]
 
 
 class Drive:
-    """Joints of one body with the same mode and actuation, and the latest target of each.
+    """Joints of one body with the same mode, and the latest target of each.
 
     This class itself drives nothing: a passive joint, and one of mode teleport, which jumps to each
     commanded position. joints: each keeps its target until a command names it again, even if
@@ -77,21 +76,19 @@ class DirectTorque(Drive):
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(engine, joints, substep_s)
         self._wanted = [0.0] * len(joints)
-        self._applied = self._wanted
+        self._applied = self._wanted.copy()
         self._braked: list[int] = []
 
     def command(self, command: JointCommand, indices: Indices, period: int) -> None:
         """Set torques, saturated at the joints' limits; this releases the brake."""
-        self._wanted = self._wanted.copy()
         for index, source in indices:
             self._wanted[index] = _clip(command.values[source], self._efforts[index])
             if index in self._braked:
                 self._braked.remove(index)
-                self._resist(index, self.joints[index].friction)
+                self._resist(index, 0.0)
 
     def brake(self, index: int, position: float) -> None:
         """Hold the joint with the engine's motor, whose torque is not reported."""
-        self._wanted = self._wanted.copy()
         self._wanted[index] = 0.0
         if index not in self._braked:
             self._braked.append(index)
@@ -108,7 +105,7 @@ class DirectTorque(Drive):
 
     def before_substep(self) -> None:
         """Apply the torques; the engine forgets them after every substep."""
-        self._applied = self._wanted
+        self._applied = self._wanted.copy()
         self._engine.push(self._body, self._indices, self._applied)
 
     def torque(self, index: int) -> float:
@@ -116,10 +113,11 @@ class DirectTorque(Drive):
         return self._applied[index]
 
 
-class _Motors(Drive):
-    """Motors of the engine, which keep their targets from one substep to the next.
+class VelocityMotor(Drive):
+    """Mode velocity: a motor of the engine that tracks a velocity with limited torque.
 
-    _velocities: targets [rad/s]. _forces: torque limits [N·m].
+    It keeps its targets from one substep to the next. _velocities: targets [rad/s]. _forces: torque
+    limits [N·m].
     """
 
     remembers: ClassVar[tuple[str, ...]] = ("_velocities", "_forces")
@@ -134,12 +132,19 @@ class _Motors(Drive):
         """Set targets and torque limits."""
         for index, source in indices:
             own, limit = self._efforts[index], command.effort_limit
-            self._forces[index] = own if limit is None else min(limit[source], own)
+            self._forces[index] = own if limit is None else min(max(limit[source], 0.0), own)
             self._take(index, command, source, period)
         self._changed = True
 
     def _take(self, index: int, command: JointCommand, source: int, period: int) -> None:
         """Set the target of one joint; source: its index in the command."""
+        limit = self.joints[index].max_velocity or math.inf
+        self._velocities[index] = _clip(command.values[source], limit)
+
+    def followed(self, index: int, position: float, dt: float) -> tuple[float, float]:
+        """Return where its velocity takes a joint, no further than to its stops."""
+        velocity = self._velocities[index]
+        return self.joints[index].within_stops(position + velocity * dt), velocity
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """See `Drive`."""
@@ -155,13 +160,10 @@ class _Motors(Drive):
         """Set the motors if a command has changed them."""
         if self._changed:
             self._changed = False
-            self._set()
-
-    def _set(self) -> None:
-        self._engine.turn(self._body, self._indices, self._velocities, self._forces)
+            self._engine.turn(self._body, self._indices, self._velocities, self._forces)
 
 
-class VelocityForce(_Motors):
+class VelocityForce(VelocityMotor):
     """Mode torque for simulators without a torque input.
 
     A motor with an unreachable target velocity and the force limit |τ| applies τ.
@@ -177,20 +179,7 @@ class VelocityForce(_Motors):
         self._forces[index] = min(abs(torque), self._efforts[index])
 
 
-class VelocityMotor(_Motors):
-    """Mode velocity: a motor that tracks a velocity with limited torque."""
-
-    def _take(self, index: int, command: JointCommand, source: int, period: int) -> None:
-        limit = self.joints[index].max_velocity or math.inf
-        self._velocities[index] = _clip(command.values[source], limit)
-
-    def followed(self, index: int, position: float, dt: float) -> tuple[float, float]:
-        """Return where its velocity takes a joint, no further than to its stops."""
-        velocity = self._velocities[index]
-        return self.joints[index].within_stops(position + velocity * dt), velocity
-
-
-class PositionMotor(_Motors):
+class PositionMotor(VelocityMotor):
     """Mode position: a motor that tracks a target with limited torque and velocity.
 
     A target with a feed-forward velocity keeps moving until the next command is due, as in a drive
@@ -198,7 +187,12 @@ class PositionMotor(_Motors):
     staircase, and lag behind.
     """
 
-    remembers: ClassVar[tuple[str, ...]] = (*_Motors.remembers, "_commanded", "_age", "_moving")
+    remembers: ClassVar[tuple[str, ...]] = (
+        *VelocityMotor.remembers,
+        "_commanded",
+        "_age",
+        "_moving",
+    )
 
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(engine, joints, substep_s)
@@ -240,38 +234,52 @@ class PositionMotor(_Motors):
 
     def before_substep(self) -> None:
         """Set the motors if a command has changed them, and advance the moving targets."""
-        super().before_substep()
-        for index, period in list(self._moving.items()):
-            if self._age[index] >= period:
+        indices = range(len(self.joints)) if self._changed else list(self._moving)
+        self._changed = False
+        for index in indices:
+            if self._age[index] >= self._moving.get(index, math.inf):
                 self._hold(index, self.target(index))
-            self._set_one(index)
-            self._age[index] += 1 if index in self._moving else 0
-
-    def _set(self) -> None:
-        for index in range(len(self.joints)):
-            self._set_one(index)
-
-    def _set_one(self, index: int) -> None:
-        joint, velocity = self.joints[index], self._velocities[index]
-        goal = Goal(self.target(index), velocity, self._forces[index], joint.max_velocity)
-        self._engine.bring(self._body, joint.index, goal)
+            joint, velocity = self.joints[index], self._velocities[index]
+            goal = Goal(self.target(index), velocity, self._forces[index], joint.max_velocity)
+            self._engine.bring(self._body, joint.index, goal)
+            self._age[index] += index in self._moving
 
 
 def _clip(value: float, limit: float) -> float:
     return -limit if value < -limit else min(value, limit)
 
 
-_CLASSES: Mapping[tuple[str, str], type[Drive]] = {
-    ("torque", "direct"): DirectTorque,
-    ("torque", "velocity_force"): VelocityForce,
-    ("velocity", ""): VelocityMotor,
-    ("position", ""): PositionMotor,
-}
-"""Mode and, of mode torque, actuation → class; of any other: `Drive`."""
+class Warnings:
+    """Collects warnings about commands until they are taken.
+
+    Each cause is reported once per subject: a controller that commands the impossible does so at
+    every step. reported: (subject, cause). pending: those since the last call of `take`.
+    """
+
+    def __init__(self) -> None:
+        self.reported: set[tuple[str, str]] = set()
+        self.pending: list[str] = []
+
+    def add(self, subject: str, cause: str, text: str) -> None:
+        """Add a warning, unless this cause has been reported for this subject."""
+        if (subject, cause) not in self.reported:
+            self.reported.add((subject, cause))
+            self.pending.append(f"{subject}: {text}")
+
+    def take(self) -> list[str]:
+        """Return the warnings since the last call, one sentence each."""
+        new, self.pending = self.pending, []
+        return new
+
+    def check(self, joints: Sequence[Joint], command: JointCommand) -> None:
+        """Warn about each part of a command that cannot take effect; its vectors fit the joints."""
+        for index, joint in enumerate(joints):
+            for cause, text in joint.without_effect(command, index):
+                self.add(f"joint {joint.name}", cause, text)
 
 
 class Motors:
-    """The drives of a world: one per body, mode and actuation, for one engine call per substep.
+    """The drives of a world: one per body and mode, for one engine call per substep.
 
     step_ns, period_ns: length of a physics substep, and of the plant's step [ns]. drive_of: joint →
     its drive, and its index in that. owners: joint → the input that drives it. warnings: about
@@ -279,17 +287,21 @@ class Motors:
     """
 
     def __init__(self, physics: Physics, step_ns: int, period_ns: int) -> None:
-        def key(joint: Joint) -> tuple[int, str, str]:
-            return (joint.body, joint.effective_mode, joint.actuation)
+        def key(joint: Joint) -> tuple[int, str]:
+            return (joint.body, joint.effective_mode)
 
         self.physics = physics
         self.step_ns, self.period_ns = step_ns, period_ns
+        is_direct = physics.actuation == "direct"
+        classes: Mapping[str, type[Drive]] = {
+            "torque": DirectTorque if is_direct else VelocityForce,
+            "velocity": VelocityMotor,
+            "position": PositionMotor,
+        }
         groups = groupby(sorted(physics.joints.values(), key=key), key)
         self.drives = [
-            _CLASSES.get((mode, actuation if mode == "torque" else ""), Drive)(
-                physics.engine, list(joints), step_ns * 1e-9
-            )
-            for (_, mode, actuation), joints in groups
+            classes.get(mode, Drive)(physics.engine, list(joints), step_ns * 1e-9)
+            for (_, mode), joints in groups
         ]
         self.drive_of = {
             joint.name: (drive, index)

@@ -10,11 +10,11 @@ from stepbus_plant.drives import Motors
 from stepbus_plant.engine import BASE, Contact, Engine, Link
 from stepbus_plant.geometry import Pose
 from stepbus_plant.joint import Joint, describe_joints
-from stepbus_plant.world import GripperSettings
 from stepbus_schemas import GripperState, JointCommand, Point
 
-# Proportional gain from the width error to the finger velocity [1/s].
+# Proportional gain from the width error to the finger velocity [1/s], and its limit [m/s].
 _GAIN = 10.0
+_SPEED = 0.1
 
 # Least cosine between a contact normal and the opening direction of the fingers: 45°.
 _LEAST_COSINE = math.sqrt(0.5)
@@ -101,16 +101,13 @@ class Gripper:
     width: sum of both positions [m]. held_without_forces: what it holds while dynamics are off.
     """
 
-    def __init__(self, row: GripperSettings, fingers: tuple[Joint, Joint], engine: Engine) -> None:
-        left, right = self.joints = fingers
+    def __init__(self, fingers: tuple[Joint, Joint], engine: Engine) -> None:
+        self.joints = fingers
         self.description = describe_joints(fingers)
-        self.speed = row.speed
-        self.max_force = min(left.effort, right.effort)
-        self.widths = (left.lower + right.lower, left.upper + right.upper)
         self.fingers: list[Link] = [(joint.body, joint.index) for joint in self.joints]
         self.held_without_forces: Link | None = None
         self._engine = engine
-        self._slide = left.axis
+        self._slide = fingers[0].axis
         self._grip: Grip | None = None
         self._pressed_along: Point = (0.0, 0.0, 0.0)
         self._stale: list[Link] = []
@@ -244,33 +241,14 @@ class GripperDriver(Commander):
         self._gripper = gripper
 
     def apply(self, command: Any) -> None:
-        """Execute a GripperCommand from now on.
-
-        Raises CommandError for a value that is not finite, and for a force below 0.
-        """
-        for field in ("width", "force"):
-            if not math.isfinite(value := getattr(command, field)):
-                self._reject(f"{field} is {value}, not a finite number")
-        if command.force < 0.0:
-            self._reject(
-                f"force {command.force:g} N is negative; give a force of at least 0: the width "
-                "decides whether to open or close",
-            )
-        least, most = self._gripper.widths
-        if not least <= command.width <= most:
-            text = f"width {command.width:g} m is out of reach ({least:g} to {most:g} m)"
-            self._warnings.add(f"input {self._port!r}", "width", text)
-        limit = self._gripper.max_force
-        if command.force > limit:
-            text = f"force {command.force:g} N exceeds its limit of {limit:g}; limited to it"
-            self._warnings.add(f"input {self._port!r}", "force", text)
-        self.held = command
+        """Execute a GripperCommand from now on."""
+        self.state.held = command
 
     def before_step(self) -> None:
         """Move both fingers towards the width, with no more than the commanded force."""
-        if self.held is None:
+        if (held := self.state.held) is None:
             return
-        gap, speed = self.held.width - self._gripper.width(), self._gripper.speed
-        velocity = min(max(_GAIN * gap / 2, -speed), speed)
-        force = self.held.force
-        self.execute(JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=[force] * 2))
+        gap = held.width - self._gripper.width()
+        velocity = min(max(_GAIN * gap / 2, -_SPEED), _SPEED)
+        limits = [held.force] * 2
+        self.execute(JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=limits))

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from stepbus_models import Joint as DescribedJoint
 from stepbus_models import Mimic
-from stepbus_plant.world import Actuation, JointSettings, OwnMode
-from stepbus_schemas import Description, Point
+from stepbus_plant.world import JointSettings, OwnMode
+from stepbus_schemas import Description, JointCommand, Point
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,8 +21,8 @@ class Joint:
     numbers. type: revolute, continuous or prismatic. axis: in the frame of its child. lower, upper:
     stops [rad]. effort: torque limit [N·m]. max_velocity: limit of the commanded velocity [rad/s];
     0: none. motor: a joint without a motor swings freely. brake: deceleration in an emergency stop
-    [rad/s²]; None: as fast as it can. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
-    start, start_velocity: at t = 0 [rad, rad/s]. mimic: the joint of its body that it follows.
+    [rad/s²]; None: as fast as it can. damping: [N·m·s/rad]. start, start_velocity: at
+    t = 0 [rad, rad/s]. mimic: the joint of its body that it follows.
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     """
 
@@ -37,10 +37,8 @@ class Joint:
     max_velocity: float
     mode: OwnMode
     motor: bool
-    actuation: Actuation
     brake: float | None
     damping: float
-    friction: float
     start: float
     start_velocity: float
     mimic: Mimic | None = None
@@ -79,6 +77,35 @@ class Joint:
             f"[{self.lower:g}, {self.upper:g}]"
         )
 
+    def without_effect(self, command: JointCommand, index: int) -> Iterator[tuple[str, str]]:
+        """Yield cause and sentence of each part of a command that cannot take effect on it.
+
+        index: its own in the vectors of the command.
+        """
+        value, limits = command.values[index], command.effort_limit
+        is_torque = command.mode == "torque"
+        if self.mimic is not None:
+            yield (
+                "mimic",
+                f"follows joint {self.mimic.joint!r} (<mimic>); command that joint instead",
+            )
+        elif not self.motor:
+            yield "motor", "has no motor (world file: motor: false); it swings freely"
+        elif not is_torque and min(self.effort, limits[index] if limits else math.inf) <= 0.0:
+            yield "effort", f"has an effort limit of 0 {self.effort_unit}; nothing moves it"
+        elif command.mode == "position":
+            if (stop := self.within_stops(value)) != value:
+                text = f"target {value:g} {self.unit} is beyond its stop at {stop:g}"
+                yield "stop", f"{text}; limited to it"
+            velocity = 0.0 if command.velocity is None else command.velocity[index]
+            # Tolerate the rounding error of a sender that moves exactly at the limit.
+            if 0 < 1.001 * self.max_velocity < abs(velocity):
+                text = f"its target moves at {velocity:g} {self.unit}/s, its limit is "
+                yield "target velocity", f"{text}{self.max_velocity:g}; it falls behind"
+        elif abs(value) > (limit := self.effort if is_torque else self.max_velocity or math.inf):
+            unit = self.effort_unit if is_torque else f"{self.unit}/s"
+            yield command.mode, f"{value:g} {unit} exceeds its limit of {limit:g}; limited to it"
+
     def follow(self, leader: Joint, mimic: Mimic) -> Joint:
         """Return the joint as a follower of another one: without a motor, where that takes it."""
         return dataclasses.replace(
@@ -98,13 +125,6 @@ class Joint:
         elif self.mimic is None and not self.lower <= self.start <= self.upper:
             limits = f"[{self.lower}, {self.upper}]"
             yield f"start position {self.start} is outside its limits {limits}"
-        has_motor = self.motor and (self.mode, self.actuation) != ("torque", "direct")
-        if self.friction and has_motor:
-            actuation = f" and actuation {self.actuation}" if self.mode == "torque" else ""
-            yield (
-                "friction needs mode torque with actuation direct, but the joint has mode "
-                f"{self.mode}{actuation}"
-            )
 
 
 def make_joint(
@@ -112,12 +132,11 @@ def make_joint(
     described: DescribedJoint,
     settings: JointSettings,
     *,
-    actuation: Actuation,
     damping: float,
 ) -> Joint:
     """Return a joint as described, overridden by the settings.
 
-    where: its numbers in the engine. actuation, damping [N·m·s/rad]: where the settings have none.
+    where: its numbers in the engine. damping: where the settings have none [N·m·s/rad].
     """
 
     def either(*values: float | None) -> float:
@@ -137,10 +156,8 @@ def make_joint(
         max_velocity=either(settings.max_velocity, described.velocity),
         mode=settings.mode or "torque",
         motor=settings.motor is not False,
-        actuation=settings.actuation or actuation,
         brake=settings.brake,
         damping=either(settings.damping, damping),
-        friction=settings.friction or 0.0,
         start=either(settings.position, min(max(0.0, lower), upper)),
         start_velocity=settings.velocity or 0.0,
     )

@@ -27,13 +27,13 @@ _States = dict[str, tuple[Joint, float, float]]
 """Joint → position and velocity at the end of the step."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass
 class _Grip:
-    """What a gripper holds: link, width there [m], and its pose in the frame of the left finger."""
+    """What a gripper holds, the width there [m], and its pose in the frame of the left finger."""
 
     thing: Link
     width: float
-    pose: Pose
+    pose: Pose | None = None
 
 
 class Kinematics:
@@ -60,13 +60,19 @@ class Kinematics:
         pressed: dict[tuple[Link, Link], float] = {}
         for name, grip in self._grips.items():
             fingers = grippers[name].fingers
-            pose = self._engine.geometry.compose(self._engine.frame(fingers[0]), grip.pose)
-            self._engine.put_centre(grip.thing[0], pose)
+            self._carry(grip, fingers[0])
             pressed |= {(finger, grip.thing): FORCE_WITHOUT_DYNAMICS for finger in fingers}
         for sensor in self._devices.contacts.values():
             sensor.press(pressed, dt)
         # Contacts and cameras read what the engine keeps for each link.
         self._engine.update_shapes()
+
+    def _carry(self, grip: _Grip, finger: Link) -> None:
+        geometry, frame = self._engine.geometry, self._engine.frame(finger)
+        if grip.pose is None:
+            centre = self._engine.centre(grip.thing[0])
+            grip.pose = geometry.compose(geometry.inverse(frame), centre)
+        self._engine.put_centre(grip.thing[0], geometry.compose(frame, grip.pose))
 
     def _next_states(self, dt: float) -> _States:
         states = {}
@@ -96,16 +102,11 @@ class Kinematics:
     def _grasp(self, name: str, gripper: Gripper, states: _States) -> None:
         """Stop the fingers at what is between them, and hold it; let go when they open."""
         wanted = sum(states[joint.name][1] for joint in gripper.joints)
-        grip, width = self._grips.get(name), gripper.width()
+        grip, width = self._grips.pop(name, None), gripper.width()
         if grip is None and wanted < width:
             grip = self._between(gripper, width)
-            if grip is not None and wanted > grip.width:
-                grip = None
-        elif grip is not None and wanted > grip.width + _RELEASED:
-            grip = None
-        self._grips.pop(name, None)
         gripper.held_without_forces = None
-        if grip is not None:
+        if grip is not None and wanted <= grip.width + _RELEASED:
             self._grips[name] = grip
             gripper.held_without_forces = grip.thing
             for joint in gripper.joints:
@@ -122,20 +123,7 @@ class Kinematics:
         if not common:
             return None
         thing = min(common, key=lambda link: left[link] + right[link])
-        gap = width - left[thing] - right[thing]
-        # The pads centre what they close on.
-        shift = (right[thing] - left[thing]) / 2
-        position, orientation = self._engine.centre(thing[0])
-        x, y, z = (a - shift * b for a, b in zip(position, opening, strict=True))
-        finger = gripper.fingers[0]
-        at, turn = self._engine.frame(finger)
-        # As if the finger stood where it will.
-        moved = gap / 2 - self._physics.position(gripper.joints[0])
-        i, j, k = (a + moved * b for a, b in zip(at, opening, strict=True))
-        pose = self._engine.geometry.compose(
-            self._engine.geometry.inverse(((i, j, k), turn)), ((x, y, z), orientation)
-        )
-        return _Grip(thing=thing, width=max(gap, 0.0), pose=pose)
+        return _Grip(thing, max(width - left[thing] - right[thing], 0.0))
 
     def _ahead(self, finger: Link, inwards: list[float]) -> dict[Link, float]:
         """Return link → how far a pad is from it [m], below 0 inside, where it closes on it."""

@@ -18,14 +18,13 @@ from stepbus_participant import (
     warn,
 )
 from stepbus_plant.camera import TYPES
-from stepbus_plant.commander import Commander, Ramp
-from stepbus_plant.devices import COMMANDS, STATES, TRIGGER, period_problem
-from stepbus_plant.emergency import Watchdog
+from stepbus_plant.commander import Commander, DriverState
+from stepbus_plant.devices import COMMANDS, STATES, period_problem
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
-from stepbus_plant.poses import PLANOGRAM, Planogram
+from stepbus_plant.poses import PLANOGRAM, Planogram, PoseSensor
 from stepbus_plant.world_file import load_world
-from stepbus_schemas import Description, EmergencyStop, Event, JointMode, Message, WiringError
+from stepbus_schemas import Description, EmergencyStop, Event, Message, WiringError
 
 _STOP = "EmergencyStop/1"
 _TYPES = {
@@ -43,21 +42,13 @@ _log = logging.getLogger("stepbus_plant")
 
 
 class _Saved(msgspec.Struct, forbid_unknown_fields=True):
-    """plant: its own state. modes: port → mode of the last command. warnings, events: pending.
-
-    stop: the emergency stop; None: `is_stopped`, of stepbus 0.1, says whether it is active.
-    heard: input → time of its latest command, of the watchdog [ns]. ramps: input → how what it
-    drives comes to rest.
-    """
+    """plant: its own state. drivers: by input. warnings, events: pending. stop: of emergency."""
 
     plant: bytes
-    modes: dict[str, JointMode | None]
+    drivers: dict[str, DriverState]
     warnings: list[str]
     events: list[str]
-    is_stopped: bool = False
-    stop: EmergencyStop | None = None
-    heard: dict[str, int] = {}
-    ramps: dict[str, Ramp] = {}
+    stop: EmergencyStop
 
 
 class Plant(Participant):
@@ -90,11 +81,10 @@ class Plant(Participant):
         self.plant = SimulatedPlant(world, params, self._period_ns, config.seed, problems)
         for subject, text in self.plant.physics.notes:
             warn(f"{subject}: {text}")
-        self._drivers: dict[str, Commander] = {}
+        self._drivers = self.plant.stop.drivers
         self._event_ports = [n for n, port in config.outputs.items() if port.type == "Event/1"]
         self._warnings: list[str] = []
         self._events: list[str] = []
-        self._watchdog = Watchdog(params.watchdog_ns)
         try:
             self._connect(params, problems)
         except WiringError:
@@ -108,10 +98,6 @@ class Plant(Participant):
         """
         plant, period_ns = self.plant, self._period_ns
         types = {port: config.type for port, config in self.config.outputs.items()}
-        for port, config in self.config.inputs.items():
-            if config.type == TRIGGER:
-                wait = partial(plant.devices.wait_for_triggers, port)
-                problems.attempt(("inputs", port), wait)
         drivers = {
             port: problems.attempt(
                 ("inputs", port), partial(plant.devices.driver, port, config.type, plant.motors)
@@ -127,7 +113,9 @@ class Plant(Participant):
         wrong = problems.below(("params",))
         if text := period_problem(params.poses_period_ns, period_ns):
             wrong.add(("poses_period",), text)
-        poses = problems.attempt((), lambda: plant.pose_sensor(params.poses, params.points, wrong))
+        poses = problems.attempt(
+            (), lambda: PoseSensor(plant.physics, params.poses, params.points, wrong)
+        )
         if poses is None or len(problems):
             raise problems.error()
         self._devices = {port: row for port, row in drivers.items() if row is not None}
@@ -162,7 +150,6 @@ class Plant(Participant):
             driver = problems.attempt(("inputs", port), partial(self._driver, port, description))
             if driver is not None:
                 self._drivers[port] = driver
-                self.plant.stop.drivers.append(driver)
         problems.refuse()
 
     def _driver(self, port: str, description: Description) -> Commander:
@@ -199,12 +186,13 @@ class Plant(Participant):
         advances = not is_last or step.index > 0
         plant = self.plant
         for port, driver in self._drivers.items():
-            if step.is_new(port) and not (self.plant.stop.active and driver.obeys_stop):
+            if step.is_new(port) and not (plant.stop.state.active and driver.obeys_stop):
                 driver.apply(step.read(port))
-                self._watchdog.hear(port, plant.t_ns)
+                driver.state.heard_ns = plant.t_ns
         if advances:
-            if not plant.stop.active:
-                self._watchdog.look(self._drivers, plant.t_ns, plant.script.record)
+            longest_ns = plant.params.watchdog_ns
+            if longest_ns is not None and not plant.stop.state.active:
+                plant.stop.watch(plant.t_ns, longest_ns, plant.script.record)
             for driver in self._drivers.values():
                 driver.before_step()
         warnings = [f"step {step.index}: {text}" for text in self.plant.warnings.take()]
@@ -227,23 +215,18 @@ class Plant(Participant):
         plant = self.plant.save()
         if plant is None:
             return None
-        modes = {port: driver.mode for port, driver in self._drivers.items()}
+        drivers = {port: driver.state for port, driver in self._drivers.items()}
         stop = self.plant.stop.state
-        heard = self._watchdog.heard
-        ramps = {port: row.ramp for port, row in self._drivers.items() if row.ramp is not None}
-        return msgspec.msgpack.encode(
-            _Saved(plant, modes, self._warnings, self._events, stop=stop, heard=heard, ramps=ramps)
-        )
+        return msgspec.msgpack.encode(_Saved(plant, drivers, self._warnings, self._events, stop))
 
     def restore(self, state: bytes) -> None:
         """Take what `save` returned."""
         saved = msgspec.msgpack.decode(state, type=_Saved)
         self.plant.restore(saved.plant)
         for port, driver in self._drivers.items():
-            driver.mode, driver.ramp = saved.modes[port], saved.ramps.get(port)
+            driver.state = saved.drivers[port]
         self._warnings, self._events = saved.warnings, saved.events
-        self._watchdog.heard = saved.heard
-        self.plant.stop.state = saved.stop or EmergencyStop(active=saved.is_stopped)
+        self.plant.stop.state = saved.stop
 
     def calls(self) -> Mapping[str, Method]:
         """Return the calls that query joints and bodies between two steps, or change them."""
@@ -259,8 +242,6 @@ class Plant(Participant):
         """Brake all joints and bases, or let commands move them again; by: who asks."""
         if not isinstance(on, bool):
             raise CallError(f"ON must be true or false, not {on!r}")
-        if not (isinstance(by, str) and by.strip()):
-            raise CallError(f"BY must be a name, not {by!r}")
         script = self.plant.script
         self.plant.stop.set(self.plant.t_ns, by, script.record, active=on)
         self._report(script.take_events(), self._events, logging.INFO)

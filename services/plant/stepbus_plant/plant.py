@@ -1,6 +1,6 @@
 """The plant: a world that can be sensed, commanded and advanced, independent of the bus."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -14,13 +14,12 @@ from stepbus_plant.drives import Motors
 from stepbus_plant.emergency import StopSwitch
 from stepbus_plant.joint import Joint
 from stepbus_plant.kinematic import NOTICE, Kinematics
-from stepbus_plant.params import FixedPoint, Params
+from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
-from stepbus_plant.poses import PoseSensor
 from stepbus_plant.script import Script, check_script
 from stepbus_plant.sensing import JointSensor
 from stepbus_plant.world_file import World
-from stepbus_schemas import GripperCommand, JointState, WiringError
+from stepbus_schemas import JointState, WiringError
 
 
 class _Saved(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
@@ -28,7 +27,7 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
 
     efforts: torques of the last step, of the sensed joints [N·m]. owners: joint → the input that
     drives it. reported, pending: of the warnings. engine: its own state; None: it has none but the
-    joints'. devices, script, held: theirs, and of drivers, with such an engine only.
+    joints'. devices, script: theirs, with such an engine only.
     """
 
     t_ns: int
@@ -42,7 +41,6 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     engine: bytes | None = None
     devices: dict[str, Any] = {}
     script: Any = None
-    held: list[GripperCommand | None] = []
 
 
 class SimulatedPlant:
@@ -104,11 +102,7 @@ class SimulatedPlant:
         self.joints = JointSensor(joints, self.motors, params, seed, details)
 
     def commander(self, port: str, names: Sequence[str], period_ns: int | None = None) -> Commander:
-        """Return a commander for commands whose vectors are in the order of `names`.
-
-        period_ns: between two commands [ns]; None: one command per communication step.
-        Raises WiringError for names that do not match this world's joints.
-        """
+        """Return what executes commands of joints; arguments and errors are those of its class."""
         return Commander(port, names, self.motors, period_ns)
 
     def sense(self) -> JointState:
@@ -145,19 +139,6 @@ class SimulatedPlant:
             gripper.update()
         self.t_ns += self._period_ns
 
-    def pose_sensor(
-        self,
-        links: Sequence[str] | None = None,
-        points: Mapping[str, FixedPoint] = {},
-        problems: Problems | None = None,
-    ) -> PoseSensor:
-        """Return a sensor of the true poses of links; None: of all links and points.
-
-        points, problems: as of `PoseSensor`. Raises SettingsError for unknown links.
-        """
-        problems = Problems(above=("params",)) if problems is None else problems
-        return PoseSensor(self.physics, links, points, problems)
-
     def save(self) -> bytes | None:
         """Return all that the next step depends on, None where it cannot be had to the bit.
 
@@ -190,7 +171,6 @@ class SimulatedPlant:
         )
         if engine is not None:
             saved.engine, saved.devices, saved.script = engine, devices, script
-            saved.held = [driver.held for driver in self.stop.drivers]
         return msgspec.msgpack.encode(saved)
 
     def _is_only_joints(self) -> bool:
@@ -213,8 +193,6 @@ class SimulatedPlant:
             self.physics.engine.restore(saved.engine)
             self.devices.restore(saved.devices)
             self.script.restore(saved.script)
-            for driver, held in zip(self.stop.drivers, saved.held, strict=True):
-                driver.held = held
         for drive, targets in zip(self.motors.drives, saved.drives, strict=True):
             drive.restore(targets)
         self.joints.restore(saved.random)

@@ -44,10 +44,11 @@ class PoseSensor:
     def __init__(
         self,
         physics: Physics,
-        links: Sequence[str] | None,
-        points: Mapping[str, FixedPoint],
-        problems: Problems,
+        links: Sequence[str] | None = None,
+        points: Mapping[str, FixedPoint] = {},
+        problems: Problems | None = None,
     ) -> None:
+        problems = Problems(above=("params",)) if problems is None else problems
         known = dict(physics.links)
         for name, point in points.items():
             if name in known:

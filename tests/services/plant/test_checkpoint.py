@@ -73,7 +73,7 @@ def test_a_restored_plant_goes_on_to_the_bit(tmp_path, mode, at):
         first, second = commander(plant), commander(other)
         advance(plant, first, 0, at)
         other.restore(plant.save())
-        second.mode = first.mode
+        second.state = first.state
         assert advance(other, second, at, at + 3000) == advance(plant, first, at, at + 3000)
 
 

@@ -8,6 +8,7 @@ from support.tools import needs_pybullet
 from stepbus_participant import CallError
 from stepbus_plant import Plant
 from stepbus_plant.commander import CommandError
+from stepbus_plant.poses import PoseSensor
 from stepbus_schemas import Description, JointCommand, WiringError
 
 
@@ -127,7 +128,7 @@ def test_a_call_moves_a_body():
     calls = participant.calls()
     assert calls["body_names"].function() == ["arm"]
     calls["move_body"].function("arm", 1, 2, 3.0, 0.5)
-    sensor = participant.plant.pose_sensor(None)
+    sensor = PoseSensor(participant.plant.physics)
     pose = sensor.sense()
     assert pose.position[0] == pytest.approx((1, 2, 3))
     assert pose.orientation[0][3] == pytest.approx(math.cos(0.25))

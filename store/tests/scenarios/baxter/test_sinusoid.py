@@ -98,14 +98,6 @@ def test_nothing_touches_at_rest():
     plant.close()
 
 
-def test_two_joints_swapped_in_the_mission_are_told(tmp_path):
-    changes = ["mission.params.offset.left_s1=1.94", "mission.params.offset.left_e1=-1.0"]
-    told = [row.text for row in run_baxter(tmp_path / "run", "duration=200ms", *changes).warnings]
-    assert told[0].startswith("step 0: joints left_s1 and left_e1")
-    assert "left_s1: target 1.94 rad is beyond" in told[1]
-    assert "left_e1: target -1 rad is beyond" in told[2]
-
-
 def test_describe_lists_the_motor_of_every_joint(capsys):
     off = "plant.params.effort.left_e0=0"
     assert main(["describe", "baxter", "--json", "--set", off]) == 0

@@ -9,6 +9,7 @@ from support.store_paths import SCENARIOS
 
 from stepbus_kinematics import RobotModel
 from stepbus_plant import Params, SimulatedPlant, load_world
+from stepbus_plant.poses import PoseSensor
 from stepbus_store.motion.branches import AnalyticChain
 
 STORE = SCENARIOS / "store"
@@ -46,7 +47,7 @@ def smallest(kinematics: RobotModel, q: np.ndarray) -> float:
 
 def test_plant_and_controller_agree_on_where_the_robots_links_are(kinematics):
     plant = make_plant(fill=0)
-    sensor = plant.pose_sensor(["grasp", "camera", "left_pad", "forearm_link"])
+    sensor = PoseSensor(plant.physics, ["grasp", "camera", "left_pad", "forearm_link"])
     joints = plant.physics.joints
     for q in np.random.default_rng(0).uniform(-3, 3, (20, 6)):
         for name, angle in zip(ARM, q, strict=True):
@@ -67,7 +68,7 @@ def test_plant_and_controller_agree_on_where_the_robots_links_are(kinematics):
 def test_items_stand_still_and_so_does_the_robot():
     plant = make_plant(seed=7)
     names = [*plant.world.items, "chassis", "grasp"]
-    sensor = plant.pose_sensor(names)
+    sensor = PoseSensor(plant.physics, names)
     before = np.array(sensor.sense().position)
     for _ in range(250):
         plant.advance()
@@ -108,7 +109,7 @@ def test_the_arm_reaches_the_outlet_from_home(kinematics, x, above):
 
 def test_the_robot_starts_with_its_hand_low_inside_of_its_outline():
     plant = make_plant(fill=0)
-    sensor = plant.pose_sensor(["hand", "grasp", "left_pad", "right_pad"])
+    sensor = PoseSensor(plant.physics, ["hand", "grasp", "left_pad", "right_pad"])
     x, y, z = np.array(sensor.sense().position).T
     assert np.abs(x).max() < 0.30
     assert np.abs(y).max() < 0.22

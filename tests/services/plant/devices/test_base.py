@@ -89,16 +89,9 @@ def test_wheel_velocities_are_another_way_to_command_a_base(stand):
     assert odometry.x == pytest.approx(0.2, abs=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("command", "text"),
-    [
-        (BaseCommand(vx=math.nan), r"input 'base': vx is nan, not a finite number"),
-        (BaseCommand(vx=1, wheels=(1, 1)), r"sets both 'wheels' and vx 1, wz 0"),
-        (BaseCommand(wheels=(math.inf, 1)), r"values of joint left is inf"),
-    ],
-)
-def test_a_command_without_sense_is_refused(stand, command, text):
-    with pytest.raises(CommandError, match=text):
+@pytest.mark.parametrize("command", [BaseCommand(vx=math.nan), BaseCommand(wheels=(math.nan, 1))])
+def test_a_command_that_is_not_finite_is_refused(stand, command):
+    with pytest.raises(CommandError, match=r"input 'base': values of joint left is nan"):
         stand.update(0, base=command)
 
 

@@ -175,32 +175,16 @@ def test_pads_that_rest_on_the_ground_hold_nothing(tmp_path):
     assert not gripper.holding
 
 
-@pytest.mark.parametrize(
-    ("command", "text"),
-    [
-        (GripperCommand(width=0.0, force=-1.0), "input 'gripper': force -1 N is negative"),
-        (GripperCommand(width=math.nan, force=1.0), "input 'gripper': width is nan, not a finite"),
-    ],
-)
-def test_a_command_without_sense_is_refused(tmp_path, command, text):
-    with pytest.raises(CommandError, match=text):
-        make_gripper(tmp_path).update(0, gripper=command)
+@pytest.mark.parametrize(("width", "force"), [(math.nan, 1.0), (0.0, math.nan)])
+def test_a_command_that_is_not_finite_is_refused(tmp_path, width, force):
+    with pytest.raises(CommandError, match=r"input 'gripper': .* of joint left is nan"):
+        make_gripper(tmp_path).update(0, gripper=GripperCommand(width=width, force=force))
 
 
-@pytest.mark.parametrize(
-    ("command", "text"),
-    [
-        (GripperCommand(width=0.3, force=1.0), "width 0.3 m is out of reach (0 to 0.1 m)"),
-        (
-            GripperCommand(width=0.0, force=99.0),
-            "force 99 N exceeds its limit of 30; limited to it",
-        ),
-        (GripperCommand(width=0.0, force=0.0), "left: has an effort limit of 0 "),
-    ],
-)
-def test_what_a_gripper_cannot_do_is_told(tmp_path, command, text):
-    shown = run(make_gripper(tmp_path), 1, gripper=command)
-    assert text in shown["warnings"].text
+@pytest.mark.parametrize("force", [0.0, -1.0])
+def test_a_gripper_without_force_is_told(tmp_path, force):
+    shown = run(make_gripper(tmp_path), 1, gripper=GripperCommand(width=0.0, force=force))
+    assert "left: has an effort limit of 0 " in shown["warnings"].text
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.01, 0.05])

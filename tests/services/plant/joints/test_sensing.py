@@ -96,9 +96,6 @@ def test_all_mistakes_of_the_parameters_are_listed():
 @pytest.mark.parametrize(
     ("params", "mistake"),
     [
-        ({"sense": ["position"], "noise": {"effort": 1}}, r"noise\.effort: effort is not in"),
-        ({"sense": []}, "sense: is empty"),
-        ({"sense": ["position", "position"]}, "sense: names 'position' twice"),
         ({"joints": []}, "joints: must be a list of one or more names"),
         ({"joints": ["a", "b", "a"]}, "joints: names 'a' twice"),
         ({"physics_step": "8"}, "physics_step: '8' is not a duration"),

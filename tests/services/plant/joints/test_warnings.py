@@ -39,21 +39,6 @@ def test_what_has_no_effect_is_told_with_joint_and_numbers(tmp_path, settings, c
     assert told(plant, command)[0] == sentence
 
 
-def test_joints_whose_targets_are_in_each_others_place_are_told_once(tmp_path):
-    plant = make_plant(tmp_path, POSITION)
-    plant.calls.teleport("joint1", 0.5)
-    (line,) = told(plant, position(0.01, 0.49), position(0.01, 0.49))
-    assert line.startswith("joints joint1 and joint2")
-    assert line.endswith("are the two swapped?")
-
-
-@pytest.mark.parametrize("targets", [(0.5, 0.0), (0.0, 0.0), (0.0, 1.0), (-0.5, 0.5)])
-def test_targets_that_are_far_away_are_not_swapped(tmp_path, targets):
-    plant = make_plant(tmp_path, POSITION)
-    plant.calls.teleport("joint1", 0.5)
-    assert told(plant, position(*targets)) == []
-
-
 def test_a_target_that_moves_faster_than_its_joint_is_told(tmp_path):
     command = position(0.0, 0.0, velocity=[20.0, -20.5])
     (line,) = told(make_plant(tmp_path, POSITION), command)

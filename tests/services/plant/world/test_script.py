@@ -233,7 +233,6 @@ MISTAKES = [
     ),
     ({"at": "1s", "body": "crate"}, ": needs either 'position' or 'to'"),
     ({"at": "1s", "body": "crate", "to": [1, 2, 3]}, ": 'to' and 'over' must be given together"),
-    ({"at": "1s", "jam": "axle", "off": True}, ".off: does not apply to 'jam'"),
     (
         {"at": "0.5ns", "jam": "axle"},
         ".at: '0.5ns' is 0.5 ns, not a whole number of nanoseconds; the nearest is 1ns",

@@ -7,6 +7,7 @@ from support.services.devices import joint, link, make_stand, write_urdf
 from stepbus_plant import load_world
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
+from stepbus_plant.poses import PoseSensor
 
 WORLD = """
 bodies:
@@ -45,7 +46,7 @@ def describe(folder, shape='<box size="1 1 1"/>', at="0 0 0", more="", links=Non
     items = {body: SimpleNamespace(type=name) for body, name in (types or {}).items()}
     world.items.update(items)
     try:
-        return plant.pose_sensor(links).description
+        return PoseSensor(plant.physics, links).description
     finally:
         plant.close()
 
