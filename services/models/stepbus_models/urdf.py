@@ -23,13 +23,7 @@ from .description import Inertial, Joint, Link, Mimic, Pose, RobotDescription, S
 from .inertia import balanced
 
 _MOVING = ("revolute", "continuous", "prismatic")
-_INSTEAD = {
-    "floating": "remove it and its parent link: a body without `fixed_base` floats",
-    "planar": "use two prismatic joints and a revolute one",
-    "spherical": "use three revolute joints",
-}
-"""Type of a joint that is not supported → what to use."""
-_TYPES = (*_MOVING, "fixed", *_INSTEAD)
+_TYPES = (*_MOVING, "fixed")
 _DIAGONAL = ("ixx", "iyy", "izz")
 _PRODUCTS = ("ixy", "ixz", "iyz")
 _SIZES = {
@@ -39,7 +33,6 @@ _SIZES = {
     "capsule": {"radius": 1, "length": 1},
 }
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_INFINITE = re.compile(r"\b(nan|inf(inity)?)\b|[eE]\+?\d{3}", re.IGNORECASE)
 _DECLARATION = re.compile(r"<\?xml[^?]*\?>")
 _SHOWN = 5
 _NOISE = 1e-12
@@ -168,9 +161,8 @@ class _Reader:
         """Find what is wrong with type and links of a joint."""
         who, kind = joint.owner, joint.get("type")
         if kind not in _TYPES:
-            self._problem(joint, f"{who}: unknown type {kind!r}{suggest(kind, _TYPES)}")
-        elif kind in _INSTEAD:
-            self._problem(joint, f"{who} is {kind}, which is not supported; {_INSTEAD[kind]}")
+            text = f"{who} is {kind!r}, which is not one of {', '.join(_TYPES)}"
+            self._problem(joint, f"{text}{suggest(kind, _TYPES)}")
         for end in ("parent", "child"):
             name = _end(joint, end)
             if name is None:
@@ -389,23 +381,15 @@ class _Reader:
         return Pose(xyz=xyz, rpy=rpy)
 
     def _vector(self, element: Any, key: str, default: Point) -> Point:
-        """Return three numbers; with a warning, what PyBullet reads where they are others."""
+        """Return three numbers; with a warning, the default where they are others."""
         text = None if element is None else element.get(key)
-        if text is None:
-            return default
-        if _INFINITE.search(text):
-            where = f"{key}={text!r} of <{element.tag}>"
-            self._problem(element, f"{element.owner}: {where} is not finite")
-            return default
-        words = text.split()
-        numbers = [float(word) if _NUMBER.fullmatch(word) else 0.0 for word in words]
-        x, y, z = [*numbers, 0.0, 0.0, 0.0][:3]
-        if len(_floats(text)) != 3:
-            self._warnings.append(
-                f"{element.owner}: {key}={text!r} of <{element.tag}> must be three numbers; "
-                f"{x:g} {y:g} {z:g} is used"
-            )
-        return x, y, z
+        numbers = _floats(text or "")
+        if len(numbers) == 3:
+            return numbers[0], numbers[1], numbers[2]
+        if text is not None:
+            where = f"{element.owner}: {key}={text!r} of <{element.tag}>"
+            self._warnings.append(f"{where} is not three finite numbers, and is left out")
+        return default
 
     def _number(self, element: Any, key: str, *, least: float = -math.inf) -> float:
         """Return the number of an attribute."""

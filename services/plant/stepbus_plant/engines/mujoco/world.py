@@ -41,12 +41,10 @@ _Numbers = NDArray[np.int64]
 class _State(msgspec.Struct):
     """All that the next substep, or a reading before it, depends on; the plant sets motors anew.
 
-    physics: MuJoCo's own, of mjSTATE_INTEGRATION. drift: velocities of standing bodies that are
-    moved [m/s, rad/s]. reactions: force [N] and torque [N·m] of joints.
+    physics: MuJoCo's own, of mjSTATE_INTEGRATION. reactions: force [N] and torque [N·m] of joints.
     """
 
     physics: list[float]
-    drift: dict[int, tuple[list[float], list[float]]]
     reactions: list[tuple[Link, list[float], list[float]]]
     contacts: list[Contact]
 
@@ -68,7 +66,6 @@ class World(Engine):
         self._space: Any = None
         self._id: dict[Link, int] = {}
         self._reactions: dict[Link, tuple[Array, Array]] = {}
-        self._drift: dict[int, tuple[Array, Array]] = {}
         self._contacts: list[Contact] | None = None
         self._numbers: dict[tuple[int, tuple[int, ...]], tuple[_Numbers, _Numbers, _Numbers]] = {}
 
@@ -124,7 +121,6 @@ class World(Engine):
         return msgspec.msgpack.encode(
             _State(
                 physics=physics.tolist(),
-                drift={n: (v.tolist(), w.tolist()) for n, (v, w) in self._drift.items()},
                 reactions=[(at, f.tolist(), t.tolist()) for at, (f, t) in self._reactions.items()],
                 contacts=self.contacts(),
             )
@@ -136,7 +132,6 @@ class World(Engine):
         mujoco.mj_setState(model, data, np.array(saved.physics), _INTEGRATION)
         self._reactions = {link: (np.array(f), np.array(t)) for link, f, t in saved.reactions}
         self._contacts, self._is_seen = saved.contacts, False
-        self._drift_with({n: (np.array(v), np.array(w)) for n, (v, w) in saved.drift.items()})
 
     # --- joints ---------------------------------------------------------------------------
 
@@ -235,11 +230,6 @@ class World(Engine):
         (model, data), frame, body = self._looked(), self.frame(link), self._id[link]
         found = np.empty(6)
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, found, 0)
-        root = int(model.body_rootid[body])
-        if root in self._drift:
-            velocity, spin = self._drift[root]
-            found[3:] += velocity + np.cross(spin, data.xipos[body] - data.xpos[root])
-            found[:3] += spin
         return Motion(frame, _point(data.xipos[body]), _point(found[3:]), _point(found[:3]))
 
     def _place(self, body: int, frame: Pose) -> None:
@@ -255,33 +245,19 @@ class World(Engine):
         self._is_seen = False
 
     def put(self, body: int, frame: Pose, velocity: Point = REST, spin: Point = REST) -> None:
-        """See `Engine`."""
+        """See `Engine`; a fixed body has no velocity."""
         self._place(body, frame)
         (model, data), number = self._now(), self._id[body, BASE]
-        turn, angular = rotation(frame[1]), np.array(spin, dtype=float)
-        linear = np.subtract(velocity, np.cross(spin, turn @ model.body_ipos[number]))
-        if not self._bodies[body].is_fixed:
-            at = model.jnt_dofadr[model.body_jntadr[number]]
-            data.qvel[at : at + 3], data.qvel[at + 3 : at + 6] = linear, turn.T @ angular
-        elif linear.any() or angular.any() or number in self._drift:
-            self._drift_with({number: (linear, angular)})
+        if self._bodies[body].is_fixed:
+            return
+        turn, at = rotation(frame[1]), model.jnt_dofadr[model.body_jntadr[number]]
+        data.qvel[at : at + 3] = velocity - np.cross(spin, turn @ model.body_ipos[number])
+        data.qvel[at + 3 : at + 6] = turn.T @ np.array(spin)
 
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
         """See `Engine`."""
         frame = self.geometry.compose(pose, self.geometry.inverse(self.inertial((body, BASE))))
         (self._place if keeps_velocity else self.put)(body, frame)
-
-    def _drift_with(self, drift: dict[int, tuple[Array, Array]]) -> None:
-        """Let the surfaces of standing bodies move, and so what is on them; drift: see `_State`."""
-        self._drift |= drift
-        for number, (velocity, spin) in drift.items():
-            model, data = self._looked()
-            model.flg_surfacevel = True
-            stands = (model.body_rootid == number) & (model.body_treeid < 0)
-            for geom in np.flatnonzero(stands[model.geom_bodyid]):
-                turn = data.geom_xmat[geom].reshape(3, 3)
-                moved = velocity + np.cross(spin, data.geom_xpos[geom] - data.xpos[number])
-                model.geom_surfacevel[geom] = *(turn.T @ moved), *(turn.T @ spin)
 
     # --- contacts and rays ----------------------------------------------------------------
 
