@@ -130,7 +130,7 @@ class Kinematics:
         finger = gripper.fingers[0]
         at, turn = self._engine.frame(finger)
         # As if the finger stood where it will.
-        moved = gap / 2 - self._physics.position(gripper.joints[0])
+        moved = gap / 2 - self._physics.state(gripper.joints[0])[0]
         i, j, k = (a + moved * b for a, b in zip(at, opening, strict=True))
         pose = self._engine.geometry.compose(
             self._engine.geometry.inverse(((i, j, k), turn)), ((x, y, z), orientation)
