@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from stepbus_models.mjcf import one_line
 from stepbus_plant.engine import (
-    ANY_BODY,
-    ANY_LINK,
     BASE,
     REST,
     Contact,
@@ -26,7 +24,6 @@ from stepbus_plant.engine import (
 )
 from stepbus_plant.engines.mujoco.model import Body
 from stepbus_plant.engines.mujoco.motors import Motors, motor_of
-from stepbus_plant.engines.mujoco.space import Space
 from stepbus_plant.geometry import Array, Geometry, Pose, rotation
 from stepbus_schemas import Point
 
@@ -50,7 +47,7 @@ class _State(msgspec.Struct):
 
 
 class World(Engine):
-    """What an `Engine` does once its bodies are loaded.
+    """The part of an `Engine` that moves bodies, once they are loaded.
 
     spec: of its model. dt: length of a substep [s]. The model is compiled when something first
     needs it; bodies, exceptions from collisions and gears come before.
@@ -63,7 +60,6 @@ class World(Engine):
         self._is_seen = False
         self._compiled: tuple[Any, Any] | None = None
         self._motors: Any = None
-        self._space: Any = None
         self._id: dict[Link, int] = {}
         self._reactions: dict[Link, tuple[Array, Array]] = {}
         self._contacts: list[Contact] | None = None
@@ -86,8 +82,6 @@ class World(Engine):
             for body in self._bodies
             for n in range(BASE, len(body.rows) - 1)
         }
-        # A link with several joints has more than one number, of which contacts have the last.
-        self._space = Space(model, data, {number: link for link, number in self._id.items()})
         self._motors = Motors(model, self._dt)
         return model, data
 
@@ -209,7 +203,7 @@ class World(Engine):
     def inertial(self, link: Link) -> Pose:
         """See `Engine`; along the axes of the link."""
         model, _ = self._now()
-        return _point(model.body_ipos[self._id[link]]), (0.0, 0.0, 0.0, 1.0)
+        return point(model.body_ipos[self._id[link]]), (0.0, 0.0, 0.0, 1.0)
 
     def centre(self, body: int) -> Pose:
         """See `Engine`."""
@@ -219,7 +213,7 @@ class World(Engine):
         """See `Engine`."""
         (_, data), number = self._looked(), self._id[link]
         w, i, j, k = data.xquat[number].tolist()
-        return _point(data.xpos[number]), (i, j, k, w)
+        return point(data.xpos[number]), (i, j, k, w)
 
     def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
         """See `Engine`."""
@@ -230,7 +224,7 @@ class World(Engine):
         (model, data), frame, body = self._looked(), self.frame(link), self._id[link]
         found = np.empty(6)
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, found, 0)
-        return Motion(frame, _point(data.xipos[body]), _point(found[3:]), _point(found[:3]))
+        return Motion(frame, point(data.xipos[body]), point(found[3:]), point(found[:3]))
 
     def _place(self, body: int, frame: Pose) -> None:
         """Put the root of a body somewhere, and leave its velocity."""
@@ -259,70 +253,8 @@ class World(Engine):
         frame = self.geometry.compose(pose, self.geometry.inverse(self.inertial((body, BASE))))
         (self._place if keeps_velocity else self.put)(body, frame)
 
-    # --- contacts and rays ----------------------------------------------------------------
 
-    def update_shapes(self) -> None:
-        """See `Engine`; these contacts have no forces."""
-        mujoco.mj_collision(*self._looked())
-        self._contacts = self._space.contacts(has_forces=False)
-
-    def contacts(
-        self, body: int = ANY_BODY, link: int = ANY_LINK, *, are_pressed: bool = False
-    ) -> list[Contact]:
-        """See `Engine`."""
-        self._now()
-        if self._contacts is None:
-            self._contacts = self._space.contacts(has_forces=True)
-        found = [row for row in self._contacts if row.force > 0.0 or not are_pressed]
-        if body == ANY_BODY:
-            return found
-        first = (_with_first(contact, body, link) for contact in found)
-        return [contact for contact in first if contact is not None]
-
-    def closest(self, link: Link, body: int, within: float, other: int = ANY_LINK) -> list[Contact]:
-        """See `Engine`."""
-        self._looked()
-        found: list[Contact] = self._space.closest(link, body, within, other)
-        return found
-
-    def neighbours(self, link: Link, within: float) -> list[Link]:
-        """See `Engine`."""
-        self._looked()
-        found: list[Link] = self._space.neighbours(link, within)
-        return found
-
-    def box(self, link: Link) -> tuple[Point, Point]:
-        """See `Engine`."""
-        centre = self.motion(link).centre
-        return self._space.box(link) or (centre, centre)
-
-    def cast(self, starts: Array, ends: Array) -> Array:
-        """See `Engine`."""
-        self._looked()
-        shares: Array = self._space.cast(starts, ends)
-        return shares
-
-
-def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
-    """Return a contact of a body, or of its link, as that link has it; None: it has no part."""
-
-    def has(touching: Link) -> bool:
-        return touching[0] == body and link in (ANY_LINK, touching[1])
-
-    if has(contact.one):
-        return contact
-    if not has(contact.other):
-        return None
-    x, y, z = contact.normal
-    return contact._replace(
-        one=contact.other,
-        other=contact.one,
-        on_one=contact.on_other,
-        on_other=contact.on_one,
-        normal=(-x, -y, -z),
-    )
-
-
-def _point(values: Array) -> Point:
+def point(values: Array) -> Point:
+    """Return three numbers of an array."""
     x, y, z = values.tolist()
     return x, y, z
