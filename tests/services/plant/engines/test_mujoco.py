@@ -43,15 +43,6 @@ def test_a_shape_that_it_does_not_know_is_refused_with_its_file(tmp_path, found,
     assert sentence in str(refused.value)
 
 
-@pytest.mark.parametrize("tag", ["restitution", "stiffness", "friction_anchor"])
-def test_an_element_of_a_contact_that_only_pybullet_reads_is_named_by_a_warning(tmp_path, tag):
-    urdf = link("base", 1.0, box("1 1 1"))
-    contact = f"<contact><{tag} value='0.5'/></contact></link>"
-    note = f"engine mujoco ignores <{tag}> of <contact>"
-    assert load(tmp_path, urdf.replace("</link>", contact)).notes == [("body one", note)]
-    assert load(tmp_path, urdf.replace("</link>", contact.replace("0.5", "0"))).notes == []
-
-
 def test_what_is_half_transparent_is_seen(tmp_path):
     red = '<visual><geometry><box size="1 1 1"/></geometry><material name="red">{}</material></visual>'
     urdf = link("base", 1.0, box("1 1 1"), more=red.format('<color rgba="1 0 0 0.5"/>'))

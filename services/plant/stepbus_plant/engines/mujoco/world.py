@@ -151,7 +151,8 @@ class World(Engine):
         _, data = self._now()
         positions, velocities = data.qpos[places].tolist(), data.qvel[dofs].tolist()
         nothing = [None] * len(positions)
-        return list(zip(positions, velocities, nothing, self._motors.torques(motors), strict=True))
+        torques = self._motors.torques[motors].tolist()
+        return list(zip(positions, velocities, nothing, torques, strict=True))
 
     def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
         """See `Engine`."""
