@@ -64,38 +64,24 @@ class Space(World):
         numbers = found.dist.tolist(), forces.tolist()
         return [Contact(*pair, *row) for pair, *row in zip(links, *vectors, *numbers, strict=True)]
 
-    def closest(self, link: Link, body: int, within: float, other: int = ANY_LINK) -> list[Contact]:
+    def closest(self, link: Link, within: float) -> list[Contact]:
         """See `Engine`."""
-        found, (model, data) = [], self._looked()
-        of_other = [
-            geom
-            for (number, index), geoms in self._geoms.items()
-            if number == body and other in (ANY_LINK, index)
-            for geom in geoms
-        ]
-        for one in self._geoms.get(link, ()):
-            for geom in of_other:
-                ends = np.zeros(6)
-                distance = mujoco.mj_geomDistance(model, data, one, geom, within, ends)
+        (model, data), (low, high), found = self._looked(), self._boxes(), []
+        for n in np.flatnonzero(np.isin(self._shapes, self._geoms.get(link, ()))):
+            near = ((low - within <= high[n]) & (high + within >= low[n])).all(axis=1)
+            for geom in self._shapes[near].tolist():
+                ends, other = np.zeros(6), self._link_of[geom]
+                if other[0] == link[0]:
+                    continue
+                distance = mujoco.mj_geomDistance(model, data, self._shapes[n], geom, within, ends)
                 if distance < within:
                     on_one, on_other = ends[:3], ends[3:]
                     gap = on_one - on_other
                     length = float(np.linalg.norm(gap)) or 1.0
                     normal = gap * (math.copysign(1.0, distance) / length)
                     points = point(on_one), point(on_other), point(normal)
-                    found.append(Contact(link, self._link_of[geom], *points, float(distance), 0.0))
-        return found
-
-    def neighbours(self, link: Link, within: float) -> list[Link]:
-        """See `Engine`."""
-        low, high = self._boxes()
-        at = {int(geom): n for n, geom in enumerate(self._shapes)}
-        near: set[Link] = set()
-        for geom in self._geoms.get(link, ()):
-            n = at[geom]
-            overlap = ((low - within <= high[n]) & (high + within >= low[n])).all(axis=1)
-            near |= {self._link_of[other] for other in self._shapes[overlap]}
-        return sorted(other for other in near if other[0] != link[0])
+                    found.append(Contact(link, other, *points, float(distance), 0.0))
+        return sorted(found, key=lambda contact: contact.other)
 
     def box(self, link: Link) -> tuple[Point, Point]:
         """See `Engine`."""
