@@ -245,9 +245,6 @@ class _Reader:
             if last in rows:
                 last, slope, constant = rows[last]
                 multiplier, offset = multiplier * slope, multiplier * constant + offset
-        if last in rows:
-            name = self._joint_names[joint]
-            raise WiringError(f"{self._path}: joint {name!r} follows itself through its couplings")
         leader = Mimic(joint=self._joint_names[last], multiplier=multiplier, offset=offset)
         return None if last == joint else leader
 

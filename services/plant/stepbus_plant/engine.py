@@ -238,7 +238,7 @@ class Engine(Protocol):
 
     def centre(self, body: int) -> Pose:
         """Return the pose of the centre of mass of a body's root link."""
-        ...
+        return self.geometry.compose(self.frame((body, BASE)), self.inertial((body, BASE)))
 
     def frame(self, link: Link) -> Pose:
         """Return the pose of a link's frame, that of the URDF."""
@@ -246,7 +246,7 @@ class Engine(Protocol):
 
     def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
         """Return the frames of links other than the root."""
-        ...
+        return [self.frame((body, index)) for index in indices]
 
     def motion(self, link: Link) -> Motion:
         """Return pose and velocity of a link."""

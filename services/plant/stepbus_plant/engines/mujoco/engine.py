@@ -75,8 +75,9 @@ class MujocoEngine(Space):
         return [joint for _, joint in self._bodies[body].rows[1:]]
 
     def links(self, body: int) -> dict[str, Link]:
-        """See `Engine`."""
-        return {name: (body, index) for name, index in self._bodies[body].links().items()}
+        """See `Engine`; the number of a link is that of the last joint before it."""
+        rows = self._bodies[body].rows
+        return {name.strip(): (body, n + BASE) for n, (name, _) in enumerate(rows)}
 
     def is_solid(self, link: Link) -> bool:
         """See `Engine`."""

@@ -51,7 +51,6 @@ class Body:
     """
 
     number: int
-    robot: RobotDescription
     rows: list[tuple[str, str]]
     solid: set[str]
     is_fixed: bool
@@ -64,10 +63,6 @@ class Body:
     def joint_name(self, index: int) -> str:
         """Return MuJoCo's name of a joint."""
         return f"{self.number}/{self.rows[index - BASE][1]}"
-
-    def links(self) -> dict[str, int]:
-        """Return the number of each link by name: that of the last joint before it."""
-        return {name.strip(): n + BASE for n, (name, _) in enumerate(self.rows)}
 
 
 def _read(robot: RobotDescription, options: Loading, dt: float) -> Any:
@@ -173,7 +168,6 @@ def add(world: Any, robot: RobotDescription, number: int, pose: Pose, options: L
     in_world = _stand(spec, notes, is_fixed=options.is_fixed)
     made = Body(
         number=number,
-        robot=robot,
         rows=list(_rows(robot, spec.bodies[0 if in_world else 1 :])),
         solid={body.name for body in spec.bodies if any(map(_is_solid, body.geoms))},
         is_fixed=options.is_fixed,

@@ -206,19 +206,11 @@ class World(Engine):
         model, _ = self._now()
         return point(model.body_ipos[self._id[link]]), (0.0, 0.0, 0.0, 1.0)
 
-    def centre(self, body: int) -> Pose:
-        """See `Engine`."""
-        return self.geometry.compose(self.frame((body, BASE)), self.inertial((body, BASE)))
-
     def frame(self, link: Link) -> Pose:
         """See `Engine`."""
         (_, data), number = self._looked(), self._id[link]
         w, i, j, k = data.xquat[number].tolist()
         return point(data.xpos[number]), (i, j, k, w)
-
-    def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
-        """See `Engine`."""
-        return [self.frame((body, index)) for index in indices]
 
     def motion(self, link: Link) -> Motion:
         """See `Engine`."""
