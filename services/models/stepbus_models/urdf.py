@@ -159,8 +159,8 @@ class _Reader:
         """Find what is wrong with type and links of a joint."""
         who, kind = joint.owner, joint.get("type")
         if kind not in _TYPES:
-            text = f"{who} is {kind!r}, which is not one of {', '.join(_TYPES)}"
-            self._problem(joint, f"{text}{suggest(kind, _TYPES)}")
+            text = f"{who} is {kind!r}, which is not supported{suggest(kind, _TYPES)}"
+            self._problem(joint, text)
         for end in ("parent", "child"):
             name = _end(joint, end)
             if name is None:
