@@ -10,13 +10,32 @@ from stepbus_schemas import WiringError
 
 _TINY = Inertial(mass=1e-6, moments=(1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))
 """Negligible but not zero: PyBullet assumes 1 kg for a link without an inertial, and warns."""
+_SAME = 1e-6
+"""Stops closer than that are the same, rounded [rad or m]."""
+
+
+def hindered(robot: RobotDescription) -> set[str]:
+    """Return the joints with <mimic> whose own stops end before those of their leaders.
+
+    Such a stop would fight the coupling; it ends nothing that the leader's stops do not.
+    """
+    joints, names = robot.joints, set()
+    for name, joint in joints.items():
+        mimic, lower, upper = joint.mimic, joint.lower, joint.upper
+        if mimic is not None and lower is not None and upper is not None:
+            leader = joints[mimic.joint]
+            ends = (leader.lower, leader.upper)
+            reached = [mimic.multiplier * end + mimic.offset for end in ends if end is not None]
+            if not reached or min(reached) < lower - _SAME or max(reached) > upper + _SAME:
+                names.add(name)
+    return names
 
 
 def loadable(robot: RobotDescription, loose: Collection[str] = ()) -> RobotDescription:
     """Return a robot for an engine: every link has an inertial, some joints have no stops.
 
     A link without an inertial is massless by the definition of URDF and gets a negligible mass.
-    loose: names of the joints. Raises WiringError for missing meshes.
+    loose: names of these joints. Raises WiringError for missing meshes.
     """
     refuse_missing_meshes(robot)
     links = {

@@ -14,7 +14,7 @@ from stepbus_plant.engine import BASE, Gear, Link, Loading, PhysicsError
 from stepbus_plant.engines import default_engine, open_engine
 from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
-from stepbus_plant.models import loadable, pairs_without_collision
+from stepbus_plant.models import hindered, loadable, pairs_without_collision
 from stepbus_plant.params import Params
 from stepbus_plant.stock import fitted
 from stepbus_plant.world import Body, JointSettings
@@ -59,6 +59,7 @@ class Physics:
         self._followers: dict[Link, list[tuple[Joint, Mimic]]] = {}
         self._items: list[int] = []
         self._coupled: set[int] = set()
+        self._loose: set[Link] = set()
         _OPEN.append(self)
         try:
             loaded = [row for name, body in world.bodies.items() for row in self._load(name, body)]
@@ -145,8 +146,9 @@ class Physics:
                 for joint in robot.joints
                 if body.joints.get(joint, _OWN).mimic is not False
             }
+            loose = hindered(robot) & followed.keys() if robot.format == "urdf" else set()
             number = self.engine.load(
-                loadable(robot, [joint for joint, mimic in followed.items() if mimic]),
+                loadable(robot, loose),
                 (body.position, quaternion(body.orientation_rpy)),
                 Loading(
                     friction,
@@ -167,6 +169,8 @@ class Physics:
         self.notes += [(f"body {name}", note) for note in (*warnings, *self.engine.notes(number))]
         if robot.format == "mjcf":
             self._coupled.add(number)
+        names = self.engine.joints(number)
+        self._loose |= {(number, names.index(joint)) for joint in loose}
         joints = self._joints_of(number, name, body, followed)
         self.fixed |= {joint.name for joint in robot.joints.values() if joint.type == "fixed"}
         if self.world.sleeping:
@@ -272,10 +276,9 @@ class Physics:
                 gear = Gear(1.0, 0.0, erp=0.1, force=100.0)
                 engine.couple(left.body, left.index, right.index, gear)
         for joint in self.joints.values():
-            # A follower's own stop would fight its coupling, where it ends before the leader's.
-            is_free = joint.mimic is not None and joint.body not in self._coupled
-            stops = (-math.inf, math.inf) if is_free else (joint.lower, joint.upper)
             where = joint.body, joint.index
+            is_loose = where in self._loose
+            stops = (-math.inf, math.inf) if is_loose else (joint.lower, joint.upper)
             engine.set_joint(*where, damping=joint.damping, lower=stops[0], upper=stops[1])
             self.teleport(joint, joint.start, joint.start_velocity)
             engine.turn(joint.body, [joint.index], [0.0], [joint.friction])
