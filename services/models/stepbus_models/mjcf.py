@@ -12,16 +12,13 @@ import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
-from xml.parsers.expat import ExpatError
 
 import mujoco
 import numpy as np
 
-from stepbus_participant import read_text
 from stepbus_schemas import Point, WiringError
 
 from .description import Inertial, Joint, JointType, Link, Mimic, Pose, RobotDescription, Shape
-from .urdf import is_file, parse
 
 _log = logging.getLogger("stepbus_models")
 _TYPES: dict[str, JointType] = {"hinge": "revolute", "slide": "prismatic", "ball": "ball"}
@@ -38,7 +35,6 @@ def read_mjcf(path: Path) -> RobotDescription:
     Its root is the only body in the world, or the world, where that body has joints or there are
     several. Raises WiringError for what MuJoCo does not compile.
     """
-    _refuse_irregular(path, path.parent, set())
     # By default MuJoCo writes its warnings into a file in the current folder.
     mujoco.set_mju_user_warning(_log.warning)
     try:
@@ -64,25 +60,6 @@ def read_spec(path: Path) -> Any:
         for number, element in enumerate(elements):
             element.name = element.name or f"{kind}{number}"
     return spec
-
-
-def _refuse_irregular(path: Path, folder: Path, seen: set[Path]) -> None:
-    """Raise WiringError for a file in an MJCF that is not regular: MuJoCo would wait for a pipe."""
-    seen.add(path)
-    try:
-        root = parse(read_text(path))
-    except (OSError, UnicodeDecodeError, ExpatError):
-        # MuJoCo says what is wrong.
-        return
-    keys = ("assetdir", "meshdir", "texturedir")
-    below = {row.get(key, "") for row in root.iter("compiler") for key in keys} | {""}
-    places = {base / more for base in (folder, path.parent) for more in below}
-    for element in root.iter():
-        for file in (place / element.get("file", ".") for place in places):
-            if file.exists() and not (is_file(file) or file.is_dir()):
-                raise WiringError(f"{path}: {element.get('file')!r} is not a regular file")
-            if element.tag in {"include", "model"} and is_file(file) and file not in seen:
-                _refuse_irregular(file, folder, seen)
 
 
 def _compiled(spec: Any) -> Any:
@@ -268,9 +245,6 @@ class _Reader:
             if last in rows:
                 last, slope, constant = rows[last]
                 multiplier, offset = multiplier * slope, multiplier * constant + offset
-        if last in rows:
-            name = self._joint_names[joint]
-            raise WiringError(f"{self._path}: joint {name!r} follows itself through its couplings")
         leader = Mimic(joint=self._joint_names[last], multiplier=multiplier, offset=offset)
         return None if last == joint else leader
 
@@ -342,34 +316,25 @@ class _Reader:
     def _mesh(self, mesh: int) -> tuple[str | None, list[float], Any]:
         """Return file and scale of a mesh, and its frame in that of its geom, shape (4, 4).
 
-        The file is None where others cannot read the mesh as it is.
+        The file is None where others cannot read the mesh as it is: of another format, or with a
+        frame of its own.
         """
         model, given = self._model, self._meshes[mesh]
         address, scale = int(model.mesh_pathadr[mesh]), model.mesh_scale[mesh].tolist()
         name: bytes = model.paths[address:].split(b"\0", 1)[0] if address >= 0 else b"/"
         file = self._path.parent.absolute() / os.fsdecode(name)
-        is_turned = bool(np.abs(given.refquat[1:]).max() > 1e-12)
         is_read = file.suffix.lower() in {".stl", ".obj"} and file.is_file()
+        is_moved = given.refpos.any() or given.refquat[1:].any()
         # MuJoCo has moved the mesh into the frame of its inertia.
-        moved = _matrix(model.mesh_pos[mesh], _rotation(model.mesh_quat[mesh]))
-        turned = _matrix(np.zeros(3), _rotation(given.refquat))
-        shifted = _matrix(-model.mesh_scale[mesh] * given.refpos, np.eye(3))
-        frame = np.linalg.inv(turned @ moved) @ shifted
-        is_whole = is_read and not (is_turned and len(set(scale)) > 1)
-        return str(file) if is_whole else None, scale, frame
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, model.mesh_quat[mesh])
+        frame = np.linalg.inv(_matrix(model.mesh_pos[mesh], rotation))
+        return str(file) if is_read and not is_moved else None, scale, frame
 
 
 def _word(enumeration: Any, value: Any) -> str:
     """Return a value of an enumeration in small letters, e.g. `box` of mjtGeom."""
     return str(enumeration(int(value)).name).split("_", 1)[1].lower()
-
-
-def _rotation(quaternion: Any) -> Any:
-    """Return the rotation of a quaternion of any length, w first, shape (9,)."""
-    rotation, unit = np.zeros(9), np.array(quaternion, dtype=float)
-    mujoco.mju_normalize4(unit)
-    mujoco.mju_quat2Mat(rotation, unit)
-    return rotation
 
 
 def _matrix(position: Any, rotation: Any) -> Any:

@@ -23,13 +23,7 @@ from .description import Inertial, Joint, Link, Mimic, Pose, RobotDescription, S
 from .inertia import balanced
 
 _MOVING = ("revolute", "continuous", "prismatic")
-_INSTEAD = {
-    "floating": "remove it and its parent link: a body without `fixed_base` floats",
-    "planar": "use two prismatic joints and a revolute one",
-    "spherical": "use three revolute joints",
-}
-"""Type of a joint that is not supported → what to use."""
-_TYPES = (*_MOVING, "fixed", *_INSTEAD)
+_TYPES = (*_MOVING, "fixed")
 _DIAGONAL = ("ixx", "iyy", "izz")
 _PRODUCTS = ("ixy", "ixz", "iyz")
 _SIZES = {
@@ -39,9 +33,7 @@ _SIZES = {
     "capsule": {"radius": 1, "length": 1},
 }
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_INFINITE = re.compile(r"\b(nan|inf(inity)?)\b|[eE]\+?\d{3}", re.IGNORECASE)
 _DECLARATION = re.compile(r"<\?xml[^?]*\?>")
-_SHOWN = 5
 _NOISE = 1e-12
 """Moments of inertia below this are rounding errors of the program that wrote them [kg·m²]."""
 _ROUNDING = 1e-12
@@ -85,16 +77,20 @@ def read_urdf(root: Element, path: Path, text: str, *, is_made: bool) -> RobotDe
     text: that `root` was parsed from; is_made: by expansion, so its lines are not those of `path`.
     Raises WiringError that lists every problem, one a line.
     """
-    return _Reader(path, root, is_made=is_made).robot(text)
+    if is_made:
+        elements: Any = root.iter()
+        for element in elements:
+            element.line = 0
+    return _Reader(path, root).robot(text)
 
 
 class _Reader:
     """Reads a robot, and collects its problems: line and message."""
 
-    def __init__(self, path: Path, root: Element, *, is_made: bool) -> None:
+    def __init__(self, path: Path, root: Element) -> None:
         self._problems: list[tuple[int, str]] = []
         self._folder, self._root = path.absolute().parent, root
-        self._path, self._is_made = path, is_made
+        self._path = path
         self._warnings: list[str] = []
         self._links: Sequence[Any] = root.findall("link")
         self._joints: Sequence[Any] = root.findall("joint")
@@ -140,11 +136,8 @@ class _Reader:
 
     def _refuse(self) -> None:
         if self._problems:
-            at = (("" if self._is_made else f":{n}", text) for n, text in sorted(self._problems))
+            at = ((f":{line}" if line else "", text) for line, text in sorted(self._problems))
             raise WiringError("\n".join(f"{self._path}{line}: {text}" for line, text in at))
-
-    def _line(self, element: Any) -> int:
-        return 0 if self._is_made else int(element.line)
 
     # --- the tree -------------------------------------------------------------------------
 
@@ -153,24 +146,21 @@ class _Reader:
         if not self._links:
             self._problem(self._root, "has no <link>")
         for elements in (self._links, self._joints):
-            lines: dict[str, int] = {}
+            names: set[str] = set()
             for element in elements:
                 name = element.get("name")
                 if not name:
                     self._problem(element, f"a <{element.tag}> has no name")
-                elif name in lines:
-                    text = f"{element.owner} is defined twice, first in line {lines[name]}"
-                    self._problem(element, text)
-                else:
-                    lines[name] = element.line
+                elif name in names:
+                    self._problem(element, f"{element.owner} is defined twice")
+                names.add(name)
 
     def _check_ends(self, joint: Any) -> None:
         """Find what is wrong with type and links of a joint."""
         who, kind = joint.owner, joint.get("type")
         if kind not in _TYPES:
-            self._problem(joint, f"{who}: unknown type {kind!r}{suggest(kind, _TYPES)}")
-        elif kind in _INSTEAD:
-            self._problem(joint, f"{who} is {kind}, which is not supported; {_INSTEAD[kind]}")
+            text = f"{who} is {kind!r}, which is not supported{suggest(kind, _TYPES)}"
+            self._problem(joint, text)
         for end in ("parent", "child"):
             name = _end(joint, end)
             if name is None:
@@ -192,7 +182,7 @@ class _Reader:
                 self._problem(joint, text)
         roots = [name for name in self._by_name if name not in parents]
         if len(roots) > 1:
-            text = f"has {len(roots)} roots: {_some(roots)}; connect them with joints"
+            text = f"has {len(roots)} roots: {', '.join(roots)}; connect them with joints"
             self._problem(self._by_name[roots[1]], text)
             return ""
         reached, new = set(roots), set(roots)
@@ -200,8 +190,8 @@ class _Reader:
             new = {name for name, j in parents.items() if _end(j, "parent") in new}
             reached |= new
         if circle := [name for name in self._by_name if name not in reached]:
-            text = f"links {_some(circle)} form a closed chain of joints; a robot must be a tree"
-            self._problem(parents[circle[0]], text)
+            text = "form a closed chain of joints; a robot must be a tree"
+            self._problem(parents[circle[0]], f"links {', '.join(circle)} {text}")
         return str(roots[0]) if roots else ""
 
     # --- links ----------------------------------------------------------------------------
@@ -218,7 +208,7 @@ class _Reader:
             visuals=tuple(self._shapes(link, "visual")),
             collisions=tuple(self._shapes(link, "collision")),
             contact=contact,
-            line=self._line(link),
+            line=link.line,
         )
 
     def _inertial(self, link: Any) -> Inertial | None:
@@ -261,7 +251,7 @@ class _Reader:
                 pose=self._pose(element),
                 rgba=self._rgba(element),
                 is_concave=element.get("concave") == "yes",
-                line=self._line(geometry),
+                line=geometry.line,
             )
 
     def _size(self, geometry: Any) -> list[float]:
@@ -324,7 +314,7 @@ class _Reader:
             velocity=limits.get("velocity"),
             **resistance,
             mimic=self._mimic(joint) if kind in _MOVING else None,
-            line=self._line(joint),
+            line=joint.line,
         )
 
     def _limits(self, joint: Any, kind: str) -> dict[str, float]:
@@ -389,23 +379,15 @@ class _Reader:
         return Pose(xyz=xyz, rpy=rpy)
 
     def _vector(self, element: Any, key: str, default: Point) -> Point:
-        """Return three numbers; with a warning, what PyBullet reads where they are others."""
+        """Return three numbers; with a warning, the default where they are others."""
         text = None if element is None else element.get(key)
-        if text is None:
-            return default
-        if _INFINITE.search(text):
-            where = f"{key}={text!r} of <{element.tag}>"
-            self._problem(element, f"{element.owner}: {where} is not finite")
-            return default
-        words = text.split()
-        numbers = [float(word) if _NUMBER.fullmatch(word) else 0.0 for word in words]
-        x, y, z = [*numbers, 0.0, 0.0, 0.0][:3]
-        if len(_floats(text)) != 3:
-            self._warnings.append(
-                f"{element.owner}: {key}={text!r} of <{element.tag}> must be three numbers; "
-                f"{x:g} {y:g} {z:g} is used"
-            )
-        return x, y, z
+        numbers = _floats(text or "")
+        if len(numbers) == 3:
+            return numbers[0], numbers[1], numbers[2]
+        if text is not None:
+            where = f"{element.owner}: {key}={text!r} of <{element.tag}>"
+            self._warnings.append(f"{where} is not three finite numbers, and is left out")
+        return default
 
     def _number(self, element: Any, key: str, *, least: float = -math.inf) -> float:
         """Return the number of an attribute."""
@@ -442,10 +424,6 @@ def _end(joint: Any, end: str) -> Any:
     """Return the name of a joint's `parent` or `child` link."""
     element = joint.find(end)
     return None if element is None else element.get("link")
-
-
-def _some(names: Sequence[Any]) -> str:
-    return ", ".join([*names[:_SHOWN], *(["…"] if len(names) > _SHOWN else [])])
 
 
 def _floats(text: str) -> list[float]:

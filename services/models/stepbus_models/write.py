@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from .description import Inertial, Joint, Link, Pose, RobotDescription, Shape
+from .description import Inertial, Joint, Pose, RobotDescription, Shape
 
 _UNLIMITED = 1e12
 _SIZES = {
@@ -40,7 +40,10 @@ def urdf_text(
             if for_pinocchio and shape.kind == "plane":
                 continue
             _add_shape(element, "collision", shape, meshes)
-        _add_contact(element, link)
+        if link.contact:
+            contact = ET.SubElement(element, "contact")
+            for tag, value in link.contact.items():
+                ET.SubElement(contact, tag, {"value": repr(value)})
         if for_pinocchio:
             _mark_capsules(element)
     for joint in robot.joints.values():
@@ -75,13 +78,6 @@ def _add_shape(link: ET.Element, tag: str, shape: Shape, meshes: Mapping[str, Pa
         # Readers look up a colour by the name of its material, too.
         material = ET.SubElement(element, "material", {"name": rgba})
         ET.SubElement(material, "color", {"rgba": rgba})
-
-
-def _add_contact(link: ET.Element, given: Link) -> None:
-    contact = ET.SubElement(link, "contact") if given.contact else None
-    if contact is not None:
-        for tag, value in given.contact.items():
-            ET.SubElement(contact, tag, {"value": repr(value)})
 
 
 def _mark_capsules(link: ET.Element) -> None:

@@ -112,7 +112,7 @@ class Commander:
         if self.state.mode == "brake":
             return
         for joint, (drive, index) in zip(self._joints, self._drives, strict=True):
-            drive.brake(index, self._physics.position(joint))
+            drive.brake(index, self._physics.state(joint)[0])
         self.state.mode = "brake"
 
     def halt(self) -> None:

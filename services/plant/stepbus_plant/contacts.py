@@ -114,8 +114,9 @@ class ContactSensor:
 
     def _ground(self) -> set[tuple[Link, Link]]:
         """Return what the robot stands on, for the links that are near it: that is nothing new."""
-        near = [(link, other) for link in self._near for other in self._neighbours(link)]
-        ground = {other for link, other in near if self._closest(link, other, _STANDS_ON)}
+        closest = self._engine.closest
+        ground = {row.other for link in self._near for row in closest(link, _STANDS_ON)}
+        near = ((link, row.other) for link in self._near for row in closest(link, self._within))
         return {(link, other) for link, other in near if other in ground}
 
     def save(self) -> Any:
@@ -185,16 +186,9 @@ class ContactSensor:
         Each with the watched link whose neighbour it is.
         """
         for link in self._near:
-            for other in self._neighbours(link):
-                if (link, other) not in self._stands:
-                    for contact in self._closest(link, other, self._within):
-                        yield link, self._point(contact)
-
-    def _neighbours(self, link: Link) -> list[Link]:
-        return self._engine.neighbours(link, self._within)
-
-    def _closest(self, link: Link, other: Link, within: float) -> list[Contact]:
-        return self._engine.closest(link, other[0], within, other[1])
+            for contact in self._engine.closest(link, self._within):
+                if (link, contact.other) not in self._stands:
+                    yield link, self._point(contact)
 
     def _measured(self, skin: Skin) -> Iterator[_Point]:
         """Yield what the skin measures: the nearest point of each link that is near another."""

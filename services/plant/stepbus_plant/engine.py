@@ -238,7 +238,7 @@ class Engine(Protocol):
 
     def centre(self, body: int) -> Pose:
         """Return the pose of the centre of mass of a body's root link."""
-        ...
+        return self.geometry.compose(self.frame((body, BASE)), self.inertial((body, BASE)))
 
     def frame(self, link: Link) -> Pose:
         """Return the pose of a link's frame, that of the URDF."""
@@ -246,7 +246,7 @@ class Engine(Protocol):
 
     def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
         """Return the frames of links other than the root."""
-        ...
+        return [self.frame((body, index)) for index in indices]
 
     def motion(self, link: Link) -> Motion:
         """Return pose and velocity of a link."""
@@ -281,22 +281,18 @@ class Engine(Protocol):
         """
         ...
 
-    def closest(self, link: Link, body: int, within: float, other: int = ANY_LINK) -> list[Contact]:
-        """Return the nearest points of a link and of another body or its link, if within [m]."""
-        ...
+    def closest(self, link: Link, within: float) -> list[Contact]:
+        """Return the nearest points of a link and of links of other bodies, in their order.
 
-    def neighbours(self, link: Link, within: float) -> list[Link]:
-        """Return links of other bodies whose boxes are near that of a link, sorted.
-
-        The boxes are those of the latest physics substep, and as much larger than the links as
-        these move in a substep.
+        within: the largest distance [m].
         """
         ...
 
     def box(self, link: Link) -> tuple[Point, Point]:
         """Return the lower and the upper corner of the box around a link's collision shapes [m].
 
-        It is that of `neighbours`; that of a link without shapes is around its centre of mass.
+        It is that of the latest physics substep, and as much larger than the link as that moves in
+        a substep. That of a link without shapes is around its centre of mass.
         """
         ...
 

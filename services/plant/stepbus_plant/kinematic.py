@@ -128,11 +128,8 @@ class Kinematics:
     def _ahead(self, finger: Link, inwards: list[float]) -> dict[Link, float]:
         """Return link → how far a pad is from it [m], below 0 inside, where it closes on it."""
         targets = {}
-        for body in range(len(self._physics.bodies)):
-            if body == finger[0]:
-                continue
-            for point in self._engine.closest(finger, body, _REACH):
-                to_other = (-part for part in point.normal)
-                if sum(a * b for a, b in zip(to_other, inwards, strict=True)) > _ALONG:
-                    targets[point.other] = point.distance
+        for point in self._engine.closest(finger, _REACH):
+            to_other = (-part for part in point.normal)
+            if sum(a * b for a, b in zip(to_other, inwards, strict=True)) > _ALONG:
+                targets[point.other] = point.distance
         return targets

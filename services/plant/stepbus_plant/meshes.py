@@ -1,55 +1,30 @@
 """Triangles of mesh files, and STL files of them."""
 
-import re
-import tempfile
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stepbus_models import mesh_unit
-from stepbus_participant import scratch_folder
 from stepbus_plant.geometry import Array
 from stepbus_schemas import WiringError
 
-_BARE_POINT = re.compile(rb"(?<![\w.])([+-]?)\.(?=\d)")
-"""Of a number such as `.5`, which coal's reader of OBJ files drops with its vertex (3.0.3)."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER_BYTES, _COUNT_BYTES = 80, 4
 
 
 def load_mesh(file: str) -> tuple[Array, Any]:
-    """Return vertices, shape (n, 3), and faces, shape (m, 3), of an STL, OBJ, DAE, PLY or glTF.
+    """Return vertices [m], shape (n, 3), and faces, shape (m, 3), of an STL, DAE, PLY or glTF.
 
-    Raises WiringError for a file that is none of these.
+    Raises WiringError for another file.
     """
-    state = Path(file).stat()
-    return _loaded(file, (state.st_mtime_ns, state.st_size))
-
-
-@cache
-def _loaded(file: str, _state: tuple[int, int]) -> tuple[Array, Any]:
-    path = Path(file)
-    text = path.read_bytes() if path.suffix.lower() == ".obj" else b""
-    if not _BARE_POINT.search(text):
-        return _read(file, file)
-    with tempfile.TemporaryDirectory(prefix="stepbus-obj-", dir=scratch_folder()) as folder:
-        copy = Path(folder) / path.name
-        copy.write_bytes(_BARE_POINT.sub(rb"\g<1>0.", text))
-        return _read(str(copy), file)
-
-
-def _read(file: str, named: str) -> tuple[Array, Any]:
-    """Return the triangles of a file; named: in messages."""
     import coal  # noqa: PLC0415  only models with meshes need it
 
     try:
         loaded = coal.MeshLoader().load(file, np.full(3, mesh_unit(file)))
     except (RuntimeError, ValueError, OSError) as exc:
         text = str(exc).partition("message:")[2] or str(exc)
-        reason = text.strip().splitlines()[0].replace(file, named)
-        raise WiringError(f"cannot read {named}: {reason}") from exc
+        raise WiringError(f"cannot read {file}: {text.strip().splitlines()[0]}") from exc
     faces = [
         [triangle[0], triangle[1], triangle[2]]
         for triangle in (loaded.tri_indices(n) for n in range(loaded.num_tris))

@@ -56,7 +56,7 @@ class Physics:
         self.notes: list[tuple[str, str]] = []
         self.mistakes: list[tuple[Keys, str]] = []
         self.actuation = params.actuation
-        self._followers: dict[Link, list[Joint]] = {}
+        self._followers: dict[Link, list[tuple[Joint, Mimic]]] = {}
         self._items: list[int] = []
         self._coupled: set[int] = set()
         self._loose: set[Link] = set()
@@ -105,11 +105,6 @@ class Physics:
             return "is fixed in its model"
         return f"is unknown{suggest(name, self.joints)}"
 
-    def position(self, joint: Joint) -> float:
-        """Return the position of a joint [rad]."""
-        position: float = self.engine.read(joint.body, [joint.index])[0][0]
-        return position
-
     def state(self, joint: Joint) -> tuple[float, float]:
         """Return position and velocity of a joint [rad, rad/s]."""
         position, velocity, *_ = self.engine.read(joint.body, [joint.index])[0]
@@ -123,7 +118,7 @@ class Physics:
         if joint.mimic is not None:
             return
         self.engine.put_joint(joint.body, joint.index, position, velocity)
-        for follower, mimic in self._followers_of((joint.body, joint.index)):
+        for follower, mimic in self._followers.get((joint.body, joint.index), ()):
             where = mimic.multiplier * position + mimic.offset
             self.engine.put_joint(follower.body, follower.index, where, mimic.multiplier * velocity)
 
@@ -235,19 +230,20 @@ class Physics:
             )
             for joint, settings in own.items()
         }
-        followers = {
-            joint: joints[joint].follow(joints[mimic.joint], mimic)
-            for joint in joints
-            if (mimic := followed.get(joint)) is not None
-        }
-        for joint, follower in followers.items():
-            leader = follower.mimic.joint if follower.mimic else ""
-            self._followers.setdefault((number, joints[leader].index), []).append(follower)
-            text = f"follows joint {leader!r} (<mimic>); remove this key, or set `mimic: false`"
+        followers = {}
+        for one, joint in joints.items():
+            if (mimic := followed.get(one)) is None:
+                continue
+            leader = joints[mimic.joint]
+            followers[one] = follower = joint.follow(leader, mimic)
+            self._followers.setdefault((number, leader.index), []).append((follower, mimic))
+            text = (
+                f"follows joint {mimic.joint!r} (<mimic>); remove this key, or set `mimic: false`"
+            )
             self.mistakes += [
-                (("bodies", name, "joints", joint, key), text)
+                (("bodies", name, "joints", one, key), text)
                 for key in ("position", "velocity", "mode")
-                if getattr(own[joint], key) is not None
+                if getattr(own[one], key) is not None
             ]
         return list({**joints, **followers}.values())
 
@@ -268,10 +264,8 @@ class Physics:
     def _start(self) -> None:
         """Set the limits, motors and start positions of all joints."""
         engine = self.engine
-        for body, leader in self._followers:
-            if body in self._coupled:
-                continue
-            for follower, mimic in self._followers_of((body, leader)):
+        for (body, leader), followers in self._followers.items():
+            for follower, mimic in followers if body not in self._coupled else ():
                 gear = Gear(mimic.multiplier, mimic.offset, _GEAR_ERP, _GEAR_FORCE)
                 engine.couple(body, follower.index, leader, gear)
         for row in self.world.grippers.values():
@@ -301,11 +295,6 @@ class Physics:
             self.engine.frame((0, BASE))
         except PhysicsError as exc:
             self.mistakes.append((("bodies",), str(exc)))
-
-    def _followers_of(self, leader: Link) -> Iterator[tuple[Joint, Mimic]]:
-        for follower in self._followers.get(leader, ()):
-            if follower.mimic is not None:
-                yield follower, follower.mimic
 
 
 def open_worlds() -> list[Physics]:

@@ -195,7 +195,7 @@ class Script:
 
     def _jam(self, joint: Joint) -> str:
         """Lock a joint at its current position."""
-        position = self.jammed.setdefault(joint.name, self._physics.position(joint))
+        position = self.jammed.setdefault(joint.name, self._physics.state(joint)[0])
         return f"joint {joint.name} jammed at {position:.6g} {joint.unit}"
 
     def carry(self) -> None:

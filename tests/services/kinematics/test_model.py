@@ -45,7 +45,7 @@ def test_joints_that_are_not_controlled_are_held_at_zero() -> None:
 def test_a_planar_joint_is_refused(tmp_path) -> None:
     path = tmp_path / "planar.urdf"
     path.write_text(URDF.read_text().replace('"joint1" type="revolute"', '"joint1" type="planar"'))
-    with pytest.raises(WiringError, match=r"'joint1' is planar, which is not supported"):
+    with pytest.raises(WiringError, match=r"'joint1' is 'planar', which is not supported"):
         RobotModel(path)
 
 

@@ -14,10 +14,7 @@ ENGINES: tuple[EngineName, ...] = get_args(EngineName)
 
 def is_here(name: str) -> bool:
     """Return whether the package of an engine is installed."""
-    try:
-        return find_spec(name) is not None
-    except ModuleNotFoundError:
-        return False
+    return find_spec(name) is not None
 
 
 def default_engine() -> EngineName:

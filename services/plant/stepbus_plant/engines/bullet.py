@@ -1,6 +1,5 @@
 """PyBullet, imported without its greeting, and its geometry of poses."""
 
-import ctypes
 import os
 from importlib import import_module
 from typing import Any
@@ -10,25 +9,17 @@ from stepbus_schemas import Point, Quaternion
 
 
 def _import_pybullet() -> Any:
-    """Import PyBullet without what it prints in C, on descriptor 1 or 2: when it was built.
+    """Import PyBullet without its greeting on stderr, in C: the date on which it was built.
 
-    These may be those of the user's program; in a log, it would be the last thing a plant said.
+    In a log, it would be the last thing a plant said.
     """
-    flush = ctypes.CDLL(None).fflush
-    try:
-        kept, nowhere = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
-    except OSError:
-        return import_module("pybullet")
-    flush(None)
-    for number in (1, 2):
-        os.dup2(nowhere, number)
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
     try:
         return import_module("pybullet")
     finally:
-        flush(None)
-        for number, descriptor in enumerate(kept, 1):
-            os.dup2(descriptor, number)
-            os.close(descriptor)
+        os.dup2(kept, 2)
+        os.close(kept)
         os.close(nowhere)
 
 

@@ -292,29 +292,30 @@ class BulletEngine(Engine):
         rows = bullet.getContactPoints(bodyA=body, linkIndexA=link, **self._here)
         return _contacts([row for row in rows if row[9] > 0.0] if are_pressed else rows)
 
-    def closest(self, link: Link, body: int, within: float, other: int = ANY_LINK) -> list[Contact]:
-        """See `Engine`."""
-        return _contacts(
-            bullet.getClosestPoints(link[0], body, within, link[1], other, **self._here)
-        )
-
     def box(self, link: Link) -> tuple[Point, Point]:
         """See `Engine`."""
         corners: tuple[Point, Point] = bullet.getAABB(*link, self.client)
         return corners
 
-    def neighbours(self, link: Link, within: float) -> list[Link]:
-        """Return links of other bodies whose boxes are near that of a link, sorted.
+    def closest(self, link: Link, within: float) -> list[Contact]:
+        """See `Engine`.
 
-        The boxes are those of the latest physics substep. The engine makes them 20 mm larger than
-        the link (gContactBreakingThreshold), which is more than it moves in a substep.
+        PyBullet makes boxes 20 mm larger than a link (gContactBreakingThreshold), which is more
+        than it moves in a substep.
         """
         low, high = self.box(link)
         pairs = bullet.getOverlappingObjects(
             [x - within for x in low], [x + within for x in high], **self._here
         )
-        own = link[0]
-        return sorted({pair for pair in pairs or () if pair[0] != own})
+        own, index = link
+        others = sorted({pair for pair in pairs or () if pair[0] != own})
+        return [
+            contact
+            for body, other in others
+            for contact in _contacts(
+                bullet.getClosestPoints(own, body, within, index, other, **self._here)
+            )
+        ]
 
     def forget_contacts(self, link: Link) -> None:
         """Forget the contacts of a link, which the next substep then finds anew."""

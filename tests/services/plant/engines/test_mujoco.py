@@ -5,10 +5,10 @@ import subprocess
 import sys
 
 import pytest
-from support.services.devices import box, joint, link, make_stand, write_gripper
+from support.services.devices import box, link, make_stand, write_gripper
 
 from stepbus_participant import Problems
-from stepbus_plant.engine import BASE, Light
+from stepbus_plant.engine import Light
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
 from stepbus_plant.viewpoint import projection_matrix, view_matrix
@@ -41,36 +41,6 @@ def test_a_shape_that_it_does_not_know_is_refused_with_its_file(tmp_path, found,
         load(tmp_path, link("base", 1.0, found))
     assert "world.yaml:2: bodies.one.urdf: " in str(refused.value)
     assert sentence in str(refused.value)
-
-
-@pytest.mark.parametrize("tag", ["restitution", "stiffness", "friction_anchor"])
-def test_an_element_of_a_contact_that_only_pybullet_reads_is_named_by_a_warning(tmp_path, tag):
-    urdf = link("base", 1.0, box("1 1 1"))
-    contact = f"<contact><{tag} value='0.5'/></contact></link>"
-    note = f"engine mujoco ignores <{tag}> of <contact>"
-    assert load(tmp_path, urdf.replace("</link>", contact)).notes == [("body one", note)]
-    assert load(tmp_path, urdf.replace("</link>", contact.replace("0.5", "0"))).notes == []
-
-
-def test_links_of_a_body_that_is_moved_carry_what_is_on_them(tmp_path):
-    """A plate behind a joint of a standing body goes at 0.5 m/s, and a box on it goes along."""
-    cart = link("base", 1.0, box("0.1 0.1 0.1")) + link("plate", 1.0, box("2 2 0.1"))
-    cart += joint("mount", "fixed", "base", "plate", "0 0 1", "0 0 1", "1 1")
-    load_box = f'<robot name="load">{link("load", 1.0, box("0.2 0.2 0.2"))}</robot>'
-    (tmp_path / "load.urdf").write_text(load_box)
-    world = (
-        "one: {urdf: one.urdf, fixed_base: true}, load: {urdf: load.urdf, position: [0, 0, 1.15]}"
-    )
-    engine = load(tmp_path, cart, f"bodies: {{{world}}}").engine
-    for step in range(1000):
-        engine.put(
-            0, ((0.5e-3 * step, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), (0.5, 0.0, 0.0), (0.0,) * 3
-        )
-        engine.step()
-    assert engine.motion((0, 0)).velocity == pytest.approx((0.5, 0.0, 0.0))
-    # MuJoCo's friction, of 1, brings it to that speed.
-    way = 0.5 - 0.5**2 / (2 * 9.81)
-    assert engine.frame((1, BASE))[0][0] == pytest.approx(way, abs=2e-3)
 
 
 def test_what_is_half_transparent_is_seen(tmp_path):

@@ -13,7 +13,7 @@ from stepbus_plant.engine import BASE, Gear, Light, Link, Loading, PhysicsError
 from stepbus_plant.engines.mujoco.image import Painter
 from stepbus_plant.engines.mujoco.model import add, rigid
 from stepbus_plant.engines.mujoco.motors import add_motor
-from stepbus_plant.engines.mujoco.world import World
+from stepbus_plant.engines.mujoco.space import Space
 from stepbus_plant.geometry import Array, Pose
 from stepbus_schemas import Point, WiringError
 
@@ -22,7 +22,7 @@ _LEAST_RANGE = 1e-9
 """MuJoCo has no joint that is locked by its stops [rad]."""
 
 
-class MujocoEngine(World):
+class MujocoEngine(Space):
     """A world in MuJoCo, see `Engine`."""
 
     name = "mujoco"
@@ -75,8 +75,9 @@ class MujocoEngine(World):
         return [joint for _, joint in self._bodies[body].rows[1:]]
 
     def links(self, body: int) -> dict[str, Link]:
-        """See `Engine`."""
-        return {name: (body, index) for name, index in self._bodies[body].links().items()}
+        """See `Engine`; the number of a link is that of the last joint before it."""
+        rows = self._bodies[body].rows
+        return {name.strip(): (body, n + BASE) for n, (name, _) in enumerate(rows)}
 
     def is_solid(self, link: Link) -> bool:
         """See `Engine`."""

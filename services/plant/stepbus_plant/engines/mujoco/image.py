@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import ExitStack
 from importlib import import_module
 from typing import Any
 
@@ -30,9 +31,23 @@ class Painter:
     def __init__(self, model: Any, data: Any, width: int = 640, height: int = 480) -> None:
         self._model, self._data = model, data
         self.width, self.height = width, height
-        self._gl: Any = None
-        self._context: Any = None
-        self._open()
+        self._closing = ExitStack()
+        kind = (os.environ.get("MUJOCO_GL") or _DEFAULT).lower()
+        model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+        model.vis.quality.offsamples = 0
+        try:
+            # Not mujoco.gl_context, which has chosen when somebody first imported MuJoCo.
+            self._gl = import_module(f"mujoco.{kind}").GLContext(width, height)
+            self._closing.callback(self._gl.free)
+            self._gl.make_current()
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            self._closing.callback(self._context.free)
+            # What is freed are numbers of the current context: it may be another painter's.
+            self._closing.callback(self._gl.make_current)
+        except (AttributeError, ImportError, OSError, RuntimeError, mujoco.FatalError) as exc:
+            raise _cannot(kind, str(exc)) from exc
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZERONEAR
         self._scene = mujoco.MjvScene(model, maxgeom=_MOST_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._option = mujoco.MjvOption()
@@ -40,31 +55,9 @@ class Painter:
         self._option.geomgroup[[BOTH, SEEN]] = 1
         self.renderer = _describe()
 
-    def _open(self) -> None:
-        self._model.vis.global_.offwidth = self.width
-        self._model.vis.global_.offheight = self.height
-        self._model.vis.quality.offsamples = 0
-        kind = (os.environ.get("MUJOCO_GL") or _DEFAULT).lower()
-        try:
-            # Not mujoco.gl_context, which has chosen when somebody first imported MuJoCo.
-            self._gl = import_module(f"mujoco.{kind}").GLContext(self.width, self.height)
-            self._gl.make_current()
-            self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        except (AttributeError, ImportError, OSError, RuntimeError, mujoco.FatalError) as exc:
-            raise _cannot(kind, str(exc)) from exc
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
-        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZERONEAR
-
     def close(self) -> None:
         """Let go of the display."""
-        if self._context is not None:
-            # What is freed are numbers of the current context: it may be another painter's.
-            self._gl.make_current()
-            self._context.free()
-            self._context = None
-        if self._gl is not None:
-            self._gl.free()
-            self._gl = None
+        self._closing.close()
 
     def __del__(self) -> None:
         """Let go of the display, before MuJoCo does so in whichever context is current."""

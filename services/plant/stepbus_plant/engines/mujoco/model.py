@@ -51,7 +51,6 @@ class Body:
     """
 
     number: int
-    robot: RobotDescription
     rows: list[tuple[str, str]]
     solid: set[str]
     is_fixed: bool
@@ -65,13 +64,9 @@ class Body:
         """Return MuJoCo's name of a joint."""
         return f"{self.number}/{self.rows[index - BASE][1]}"
 
-    def links(self) -> dict[str, int]:
-        """Return the number of each link by name: that of the last joint before it."""
-        return {name.strip(): n + BASE for n, (name, _) in enumerate(self.rows)}
 
-
-def _read(robot: RobotDescription, options: Loading, dt: float) -> tuple[Any, list[str]]:
-    """Return the `MjSpec` of a robot, and sentences about parts of the model that are not used."""
+def _read(robot: RobotDescription, options: Loading, dt: float) -> Any:
+    """Return the `MjSpec` of a robot."""
     if robot.format == "urdf":
         shown = robot.links.values()
         links = {k.name: k if options.has_visuals else replace(k, visuals=()) for k in shown}
@@ -80,7 +75,7 @@ def _read(robot: RobotDescription, options: Loading, dt: float) -> tuple[Any, li
     for key in list(spec.keys):
         spec.delete(key)
     _rub(spec.geoms, options.friction)
-    return spec, []
+    return spec
 
 
 # --- URDF ---------------------------------------------------------------------------------
@@ -91,10 +86,8 @@ def rigid(dt: float) -> list[float]:
     return [2 * dt, 1.0]
 
 
-def _read_urdf(
-    robot: RobotDescription, friction: Mapping[str, float], dt: float
-) -> tuple[Any, list[str]]:
-    """Return the `MjSpec` of a URDF, and sentences about elements that MuJoCo does not have."""
+def _read_urdf(robot: RobotDescription, friction: Mapping[str, float], dt: float) -> Any:
+    """Return the `MjSpec` of a URDF."""
     for link in robot.links.values():
         if any(shape.kind == "plane" for shape in (*link.visuals, *link.collisions)):
             text = "engine mujoco does not support a `<plane>` in a URDF"
@@ -104,16 +97,14 @@ def _read_urdf(
     text = urdf_text(replace(robot, joints=joints)).replace("</robot>", f"{_PARSER}</robot>")
     spec = mujoco.MjSpec.from_string(_WORLD.sub(rf'\1="{_ROOT}"', text))
     _read_meshes(spec)
-    unread: set[str] = set()
     for link in robot.links.values():
         given = {tag.removesuffix("_friction"): value for tag, value in link.contact.items()}
         own = {kind: value for kind, value in given.items() if kind in _FRICTION}
-        unread |= {tag for tag, value in given.items() if value and tag not in _FRICTION}
         name = _ROOT if link.name == "world" else link.name
         _finish(spec.body(name), {**own, **friction}, dt)
     # Its mistakes are those of this robot.
     spec.compile()
-    return spec, [f"engine mujoco ignores <{tag}> of <contact>" for tag in sorted(unread)]
+    return spec
 
 
 def _finish(body: Any, friction: Mapping[str, float], dt: float) -> None:
@@ -168,7 +159,7 @@ def add(world: Any, robot: RobotDescription, number: int, pose: Pose, options: L
     Raises WiringError for a model that MuJoCo does not support, ValueError or mujoco.FatalError
     for a model that it does not read.
     """
-    spec, notes = _read(robot, options, world.option.timestep)
+    spec, notes = _read(robot, options, world.option.timestep), []
     is_urdf = robot.format == "urdf"
     if others := _silence(spec):
         notes.append(f"actuators that act on no joint are off: {', '.join(others)}")
@@ -177,7 +168,6 @@ def add(world: Any, robot: RobotDescription, number: int, pose: Pose, options: L
     in_world = _stand(spec, notes, is_fixed=options.is_fixed)
     made = Body(
         number=number,
-        robot=robot,
         rows=list(_rows(robot, spec.bodies[0 if in_world else 1 :])),
         solid={body.name for body in spec.bodies if any(map(_is_solid, body.geoms))},
         is_fixed=options.is_fixed,

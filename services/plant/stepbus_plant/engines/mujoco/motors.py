@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_plant.engine import Goal
-from stepbus_plant.geometry import Array
 
 _GAIN = 0.1
 """Share of the error of a position that a substep corrects, where nothing else is asked for."""
@@ -40,17 +39,15 @@ def add_motor(spec: Any, joint: str, dt: float) -> None:
 class Motors:
     """The motors of a model, arrays of shape (n,) by the number of their tendon.
 
-    dt: length of a substep [s].
+    dt: length of a substep [s]. torques: of the latest one [N·m].
     """
 
     def __init__(self, model: Any, dt: float) -> None:
         count = model.ntendon
         self._model, self._dt = model, dt
-        self._velocities = np.zeros(count)
-        self._goals = np.full(count, np.nan)
-        self._gains = np.full(count, _GAIN)
-        self._fastest = np.full(count, np.inf)
-        self._torques = np.zeros(count)
+        self._velocities, self._goals = np.zeros(count), np.zeros(count)
+        self._gains, self._fastest = np.zeros(count), np.full(count, np.inf)
+        self.torques = np.zeros(count)
         # Of the friction that joints have themselves, before that of tendons.
         self._joint_rows = int(np.count_nonzero(model.dof_frictionloss))
 
@@ -58,7 +55,7 @@ class Motors:
         self, motors: NDArray[np.int64], velocities: Sequence[float], torques: Sequence[float]
     ) -> None:
         """Track velocities [rad/s] with limited torques [N·m]."""
-        self._velocities[motors], self._goals[motors] = velocities, np.nan
+        self._velocities[motors], self._gains[motors], self._fastest[motors] = velocities, 0, np.inf
         self._model.tendon_frictionloss[motors] = torques
 
     def bring(self, motor: int, goal: Goal) -> None:
@@ -71,28 +68,12 @@ class Motors:
     def step(self, data: Any) -> None:
         """Advance by one substep."""
         mujoco.mj_step1(self._model, data)
-        first, last = data.ne + self._joint_rows, data.ne + data.nf
-        self._torques[:] = 0.0
-        if last <= first:
-            mujoco.mj_step2(self._model, data)
-            return
-        motors = data.efc_id[first:last]
-        data.efc_aref[first:last] += self._wanted(data, motors) / self._dt
+        rows = slice(data.ne + self._joint_rows, data.ne + data.nf)
+        motors = data.efc_id[rows]
+        error = self._goals[motors] - data.ten_length[motors]
+        wanted = self._velocities[motors] + self._gains[motors] * error / self._dt
+        fastest = self._fastest[motors]
+        data.efc_aref[rows] += np.clip(wanted, -fastest, fastest) / self._dt
         mujoco.mj_step2(self._model, data)
-        self._torques[motors] = data.efc_force[first:last]
-
-    def _wanted(self, data: Any, motors: NDArray[np.int32]) -> Array:
-        """Return velocities, with what corrects the positions of those that have a goal."""
-        velocities, goals = self._velocities[motors], self._goals[motors]
-        has_goal = ~np.isnan(goals)
-        if not has_goal.any():
-            return velocities
-        error = np.where(has_goal, goals - data.ten_length[motors], 0.0)
-        wanted = velocities + self._gains[motors] * error / self._dt
-        fastest = np.where(has_goal, self._fastest[motors], np.inf)
-        return np.clip(wanted, -fastest, fastest)
-
-    def torques(self, motors: NDArray[np.int64]) -> list[float]:
-        """Return the torques of the latest substep [N·m]."""
-        found: list[float] = self._torques[motors].tolist()
-        return found
+        self.torques[:] = 0.0
+        self.torques[motors] = data.efc_force[rows]

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from stepbus_models.mjcf import one_line
 from stepbus_plant.engine import (
-    ANY_BODY,
-    ANY_LINK,
     BASE,
     REST,
     Contact,
@@ -26,7 +24,6 @@ from stepbus_plant.engine import (
 )
 from stepbus_plant.engines.mujoco.model import Body
 from stepbus_plant.engines.mujoco.motors import Motors, motor_of
-from stepbus_plant.engines.mujoco.space import Space
 from stepbus_plant.geometry import Array, Geometry, Pose, rotation
 from stepbus_schemas import Point
 
@@ -41,18 +38,16 @@ _Numbers = NDArray[np.int64]
 class _State(msgspec.Struct):
     """All that the next substep, or a reading before it, depends on; the plant sets motors anew.
 
-    physics: MuJoCo's own, of mjSTATE_INTEGRATION. drift: velocities of standing bodies that are
-    moved [m/s, rad/s]. reactions: force [N] and torque [N·m] of joints.
+    physics: MuJoCo's own, of mjSTATE_INTEGRATION. reactions: force [N] and torque [N·m] of joints.
     """
 
     physics: list[float]
-    drift: dict[int, tuple[list[float], list[float]]]
     reactions: list[tuple[Link, list[float], list[float]]]
     contacts: list[Contact]
 
 
 class World(Engine):
-    """What an `Engine` does once its bodies are loaded.
+    """The part of an `Engine` that moves bodies, once they are loaded.
 
     spec: of its model. dt: length of a substep [s]. The model is compiled when something first
     needs it; bodies, exceptions from collisions and gears come before.
@@ -65,10 +60,8 @@ class World(Engine):
         self._is_seen = False
         self._compiled: tuple[Any, Any] | None = None
         self._motors: Any = None
-        self._space: Any = None
         self._id: dict[Link, int] = {}
         self._reactions: dict[Link, tuple[Array, Array]] = {}
-        self._drift: dict[int, tuple[Array, Array]] = {}
         self._contacts: list[Contact] | None = None
         self._numbers: dict[tuple[int, tuple[int, ...]], tuple[_Numbers, _Numbers, _Numbers]] = {}
 
@@ -89,8 +82,6 @@ class World(Engine):
             for body in self._bodies
             for n in range(BASE, len(body.rows) - 1)
         }
-        # A link with several joints has more than one number, of which contacts have the last.
-        self._space = Space(model, data, {number: link for link, number in self._id.items()})
         self._motors = Motors(model, self._dt)
         return model, data
 
@@ -124,7 +115,6 @@ class World(Engine):
         return msgspec.msgpack.encode(
             _State(
                 physics=physics.tolist(),
-                drift={n: (v.tolist(), w.tolist()) for n, (v, w) in self._drift.items()},
                 reactions=[(at, f.tolist(), t.tolist()) for at, (f, t) in self._reactions.items()],
                 contacts=self.contacts(),
             )
@@ -136,7 +126,6 @@ class World(Engine):
         mujoco.mj_setState(model, data, np.array(saved.physics), _INTEGRATION)
         self._reactions = {link: (np.array(f), np.array(t)) for link, f, t in saved.reactions}
         self._contacts, self._is_seen = saved.contacts, False
-        self._drift_with({n: (np.array(v), np.array(w)) for n, (v, w) in saved.drift.items()})
 
     # --- joints ---------------------------------------------------------------------------
 
@@ -162,7 +151,8 @@ class World(Engine):
         _, data = self._now()
         positions, velocities = data.qpos[places].tolist(), data.qvel[dofs].tolist()
         nothing = [None] * len(positions)
-        return list(zip(positions, velocities, nothing, self._motors.torques(motors), strict=True))
+        torques = self._motors.torques[motors].tolist()
+        return list(zip(positions, velocities, nothing, torques, strict=True))
 
     def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
         """See `Engine`."""
@@ -214,33 +204,20 @@ class World(Engine):
     def inertial(self, link: Link) -> Pose:
         """See `Engine`; along the axes of the link."""
         model, _ = self._now()
-        return _point(model.body_ipos[self._id[link]]), (0.0, 0.0, 0.0, 1.0)
-
-    def centre(self, body: int) -> Pose:
-        """See `Engine`."""
-        return self.geometry.compose(self.frame((body, BASE)), self.inertial((body, BASE)))
+        return point(model.body_ipos[self._id[link]]), (0.0, 0.0, 0.0, 1.0)
 
     def frame(self, link: Link) -> Pose:
         """See `Engine`."""
         (_, data), number = self._looked(), self._id[link]
         w, i, j, k = data.xquat[number].tolist()
-        return _point(data.xpos[number]), (i, j, k, w)
-
-    def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
-        """See `Engine`."""
-        return [self.frame((body, index)) for index in indices]
+        return point(data.xpos[number]), (i, j, k, w)
 
     def motion(self, link: Link) -> Motion:
         """See `Engine`."""
         (model, data), frame, body = self._looked(), self.frame(link), self._id[link]
         found = np.empty(6)
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, found, 0)
-        root = int(model.body_rootid[body])
-        if root in self._drift:
-            velocity, spin = self._drift[root]
-            found[3:] += velocity + np.cross(spin, data.xipos[body] - data.xpos[root])
-            found[:3] += spin
-        return Motion(frame, _point(data.xipos[body]), _point(found[3:]), _point(found[:3]))
+        return Motion(frame, point(data.xipos[body]), point(found[3:]), point(found[:3]))
 
     def _place(self, body: int, frame: Pose) -> None:
         """Put the root of a body somewhere, and leave its velocity."""
@@ -255,98 +232,22 @@ class World(Engine):
         self._is_seen = False
 
     def put(self, body: int, frame: Pose, velocity: Point = REST, spin: Point = REST) -> None:
-        """See `Engine`."""
+        """See `Engine`; a fixed body has no velocity."""
         self._place(body, frame)
         (model, data), number = self._now(), self._id[body, BASE]
-        turn, angular = rotation(frame[1]), np.array(spin, dtype=float)
-        linear = np.subtract(velocity, np.cross(spin, turn @ model.body_ipos[number]))
-        if not self._bodies[body].is_fixed:
-            at = model.jnt_dofadr[model.body_jntadr[number]]
-            data.qvel[at : at + 3], data.qvel[at + 3 : at + 6] = linear, turn.T @ angular
-        elif linear.any() or angular.any() or number in self._drift:
-            self._drift_with({number: (linear, angular)})
+        if self._bodies[body].is_fixed:
+            return
+        turn, at = rotation(frame[1]), model.jnt_dofadr[model.body_jntadr[number]]
+        data.qvel[at : at + 3] = velocity - np.cross(spin, turn @ model.body_ipos[number])
+        data.qvel[at + 3 : at + 6] = turn.T @ np.array(spin)
 
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
         """See `Engine`."""
         frame = self.geometry.compose(pose, self.geometry.inverse(self.inertial((body, BASE))))
         (self._place if keeps_velocity else self.put)(body, frame)
 
-    def _drift_with(self, drift: dict[int, tuple[Array, Array]]) -> None:
-        """Let the surfaces of standing bodies move, and so what is on them; drift: see `_State`."""
-        self._drift |= drift
-        for number, (velocity, spin) in drift.items():
-            model, data = self._looked()
-            model.flg_surfacevel = True
-            stands = (model.body_rootid == number) & (model.body_treeid < 0)
-            for geom in np.flatnonzero(stands[model.geom_bodyid]):
-                turn = data.geom_xmat[geom].reshape(3, 3)
-                moved = velocity + np.cross(spin, data.geom_xpos[geom] - data.xpos[number])
-                model.geom_surfacevel[geom] = *(turn.T @ moved), *(turn.T @ spin)
 
-    # --- contacts and rays ----------------------------------------------------------------
-
-    def update_shapes(self) -> None:
-        """See `Engine`; these contacts have no forces."""
-        mujoco.mj_collision(*self._looked())
-        self._contacts = self._space.contacts(has_forces=False)
-
-    def contacts(
-        self, body: int = ANY_BODY, link: int = ANY_LINK, *, are_pressed: bool = False
-    ) -> list[Contact]:
-        """See `Engine`."""
-        self._now()
-        if self._contacts is None:
-            self._contacts = self._space.contacts(has_forces=True)
-        found = [row for row in self._contacts if row.force > 0.0 or not are_pressed]
-        if body == ANY_BODY:
-            return found
-        first = (_with_first(contact, body, link) for contact in found)
-        return [contact for contact in first if contact is not None]
-
-    def closest(self, link: Link, body: int, within: float, other: int = ANY_LINK) -> list[Contact]:
-        """See `Engine`."""
-        self._looked()
-        found: list[Contact] = self._space.closest(link, body, within, other)
-        return found
-
-    def neighbours(self, link: Link, within: float) -> list[Link]:
-        """See `Engine`."""
-        self._looked()
-        found: list[Link] = self._space.neighbours(link, within)
-        return found
-
-    def box(self, link: Link) -> tuple[Point, Point]:
-        """See `Engine`."""
-        centre = self.motion(link).centre
-        return self._space.box(link) or (centre, centre)
-
-    def cast(self, starts: Array, ends: Array) -> Array:
-        """See `Engine`."""
-        self._looked()
-        shares: Array = self._space.cast(starts, ends)
-        return shares
-
-
-def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
-    """Return a contact of a body, or of its link, as that link has it; None: it has no part."""
-
-    def has(touching: Link) -> bool:
-        return touching[0] == body and link in (ANY_LINK, touching[1])
-
-    if has(contact.one):
-        return contact
-    if not has(contact.other):
-        return None
-    x, y, z = contact.normal
-    return contact._replace(
-        one=contact.other,
-        other=contact.one,
-        on_one=contact.on_other,
-        on_other=contact.on_one,
-        normal=(-x, -y, -z),
-    )
-
-
-def _point(values: Array) -> Point:
+def point(values: Array) -> Point:
+    """Return three numbers of an array."""
     x, y, z = values.tolist()
     return x, y, z
