@@ -12,13 +12,16 @@ import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
+from xml.parsers.expat import ExpatError
 
 import mujoco
 import numpy as np
 
+from stepbus_participant import read_text
 from stepbus_schemas import Point, WiringError
 
 from .description import Inertial, Joint, JointType, Link, Mimic, Pose, RobotDescription, Shape
+from .urdf import is_file, parse
 
 _log = logging.getLogger("stepbus_models")
 _TYPES: dict[str, JointType] = {"hinge": "revolute", "slide": "prismatic", "ball": "ball"}
@@ -35,6 +38,7 @@ def read_mjcf(path: Path) -> RobotDescription:
     Its root is the only body in the world, or the world, where that body has joints or there are
     several. Raises WiringError for what MuJoCo does not compile.
     """
+    _refuse_irregular(path, path.parent, set())
     # By default MuJoCo writes its warnings into a file in the current folder.
     mujoco.set_mju_user_warning(_log.warning)
     try:
@@ -60,6 +64,25 @@ def read_spec(path: Path) -> Any:
         for number, element in enumerate(elements):
             element.name = element.name or f"{kind}{number}"
     return spec
+
+
+def _refuse_irregular(path: Path, folder: Path, seen: set[Path]) -> None:
+    """Raise WiringError for a file in an MJCF that is not regular: MuJoCo would wait for a pipe."""
+    seen.add(path)
+    try:
+        root = parse(read_text(path))
+    except (OSError, UnicodeDecodeError, ExpatError):
+        # MuJoCo says what is wrong.
+        return
+    keys = ("assetdir", "meshdir", "texturedir")
+    below = {row.get(key, "") for row in root.iter("compiler") for key in keys} | {""}
+    places = {base / more for base in (folder, path.parent) for more in below}
+    for element in root.iter():
+        for file in (place / element.get("file", ".") for place in places):
+            if file.exists() and not (is_file(file) or file.is_dir()):
+                raise WiringError(f"{path}: {element.get('file')!r} is not a regular file")
+            if element.tag in {"include", "model"} and is_file(file) and file not in seen:
+                _refuse_irregular(file, folder, seen)
 
 
 def _compiled(spec: Any) -> Any:
@@ -245,6 +268,9 @@ class _Reader:
             if last in rows:
                 last, slope, constant = rows[last]
                 multiplier, offset = multiplier * slope, multiplier * constant + offset
+        if last in rows:
+            name = self._joint_names[joint]
+            raise WiringError(f"{self._path}: joint {name!r} follows itself through its couplings")
         leader = Mimic(joint=self._joint_names[last], multiplier=multiplier, offset=offset)
         return None if last == joint else leader
 

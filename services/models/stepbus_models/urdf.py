@@ -23,6 +23,12 @@ from .description import Inertial, Joint, Link, Mimic, Pose, RobotDescription, S
 from .inertia import balanced
 
 _MOVING = ("revolute", "continuous", "prismatic")
+_INSTEAD = {
+    "floating": "remove it and its parent link: a body without `fixed_base` floats",
+    "planar": "use two prismatic joints and a revolute one",
+    "spherical": "use three revolute joints",
+}
+"""Type of a joint that is not supported → what to use."""
 _TYPES = (*_MOVING, "fixed")
 _DIAGONAL = ("ixx", "iyy", "izz")
 _PRODUCTS = ("ixy", "ixz", "iyz")
@@ -33,6 +39,7 @@ _SIZES = {
     "capsule": {"radius": 1, "length": 1},
 }
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_INFINITE = re.compile(r"\b(nan|inf(inity)?)\b|[eE]\+?\d{3}", re.IGNORECASE)
 _DECLARATION = re.compile(r"<\?xml[^?]*\?>")
 _NOISE = 1e-12
 """Moments of inertia below this are rounding errors of the program that wrote them [kg·m²]."""
@@ -159,8 +166,8 @@ class _Reader:
         """Find what is wrong with type and links of a joint."""
         who, kind = joint.owner, joint.get("type")
         if kind not in _TYPES:
-            text = f"{who} is {kind!r}, which is not supported{suggest(kind, _TYPES)}"
-            self._problem(joint, text)
+            remedy = f"; {_INSTEAD[kind]}" if kind in _INSTEAD else suggest(kind, _TYPES)
+            self._problem(joint, f"{who} is {kind!r}, which is not supported{remedy}")
         for end in ("parent", "child"):
             name = _end(joint, end)
             if name is None:
@@ -385,8 +392,12 @@ class _Reader:
         if len(numbers) == 3:
             return numbers[0], numbers[1], numbers[2]
         if text is not None:
-            where = f"{element.owner}: {key}={text!r} of <{element.tag}>"
-            self._warnings.append(f"{where} is not three finite numbers, and is left out")
+            where = (
+                f"{element.owner}: {key}={text!r} of <{element.tag}> is not three finite numbers"
+            )
+            if _INFINITE.search(text):
+                self._problem(element, where)
+            self._warnings.append(f"{where}, and is left out")
         return default
 
     def _number(self, element: Any, key: str, *, least: float = -math.inf) -> float:

@@ -1,5 +1,6 @@
 """MJCF as MuJoCo compiles it: compared with MuJoCo itself."""
 
+import os
 import struct
 import sys
 
@@ -188,6 +189,9 @@ def test_joints_follow_others_as_mujoco_couples_them(tmp_path):
     far = joints["far"].mimic
     assert (far.joint, far.multiplier) == ("hinge", 6.0)
     assert far.offset == pytest.approx(0.5 + twenty + 3 * slide.offset)
+    circle = rows.replace('joint2="hinge"', 'joint2="far"')
+    with pytest.raises(WiringError, match="follows itself through its couplings"):
+        robot_of(tmp_path, text.replace(rows, circle))
 
 
 @pytest.mark.parametrize(
@@ -196,6 +200,12 @@ def test_joints_follow_others_as_mujoco_couples_them(tmp_path):
         ("<mujoco><bod/></mujoco>", "MuJoCo cannot compile it: .*unrecognized element .*line 1"),
         ('<mujoco><include file="no.xml"/></mujoco>', "MuJoCo cannot compile it: .*'no.xml'"),
         ('<mujoco><asset><mesh file="no.stl"/></asset></mujoco>', "Error opening file .*no.stl"),
+        ('<mujoco><include file="pipe"/></mujoco>', "'pipe' is not a regular file"),
+        (
+            '<mujoco><compiler meshdir="parts"/><asset><mesh file="../pipe"/></asset></mujoco>',
+            "'../pipe' is not a regular file",
+        ),
+        ('<mujoco><include file="more.xml"/></mujoco>', "more.xml: '/dev/zero' is not a regular"),
         (part(body="<body><joint/></body>"), "mass and inertia of moving"),
         (part(body='<body pos="nan 0 0"/>'), "the position of a body is not finite"),
         ("<mujoco>", "arm.xml:1: is not XML"),
@@ -203,6 +213,9 @@ def test_joints_follow_others_as_mujoco_couples_them(tmp_path):
 )
 @pytest.mark.filterwarnings("ignore:.*NaN")
 def test_a_mistake_is_one_error(tmp_path, text, message):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "parts").mkdir()
+    save(tmp_path, '<mujoco><include file="/dev/zero"/></mujoco>', "more.xml")
     with pytest.raises(WiringError, match=message):
         robot_of(tmp_path, text)
 
