@@ -30,6 +30,9 @@ class Disk(Protocol):
     def ftruncate(self, fd: int, length: int, /) -> None:
         """Cut a file [bytes]."""
 
+    def posix_fallocate(self, fd: int, offset: int, length: int, /) -> None:
+        """Set room aside [bytes]."""
+
     def fsync(self, fd: int) -> None:
         """Bring a file to the medium."""
 

@@ -62,6 +62,11 @@ class SimulatedDisk:
             self._do("ftruncate", 0)
             os.ftruncate(fd, length)
 
+    def posix_fallocate(self, fd: int, offset: int, length: int, /) -> None:
+        """Set room aside [bytes]."""
+        if not self._process.is_dead:
+            self._do("posix_fallocate", 0)
+
     def fsync(self, fd: int) -> None:
         """Bring a file to the medium."""
         if not self._process.is_dead:

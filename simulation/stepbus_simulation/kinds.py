@@ -120,7 +120,7 @@ def culprits(fault: Fault, names: Iterable[str], readers: Callable[[str], set[st
 
 _SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV)
 
-_DISK_CALLS = ("open", "pwrite", "ftruncate", "fsync", "close", "replace")
+_DISK_CALLS = ("open", "pwrite", "ftruncate", "posix_fallocate", "fsync", "close", "replace")
 
 CRASHES = frozenset({"crash", "crash_at_call", "power"})
 """Kinds that end the orchestrator."""
@@ -307,7 +307,7 @@ KINDS: dict[str, Kind] = {
         real="fill the disk of --out for a moment: fallocate -l SIZE DIR/x; rm DIR/x",
     ),
     "disk_error": Kind(
-        what="a disk operation fails: open, write, truncate, sync, close, rename",
+        what="a disk operation fails: open, write, truncate, reserve, sync, close, rename",
         draw=lambda d: Fault(
             "disk_error",
             d.random.choice(_DISK_CALLS),

@@ -1,4 +1,4 @@
-"""A file of complete writes, and that others can see is being written."""
+"""A file that a full disk cannot corrupt, and that others can see is being written."""
 
 import contextlib
 import fcntl
@@ -8,8 +8,11 @@ from pathlib import Path
 from isal.isal_zlib import crc32
 
 from stepbus_orchestrator.recording.records import HEAD
-from stepbus_participant import Disk, write_at, write_parts_at
+from stepbus_participant import Disk, make_file, write_at, write_parts_at
 
+_END_BYTES = 256 * 1024
+"""For the end of a file beside the index of its chunks: channels, schemas, statistics."""
+_MORE_BYTES = 256 * 1024
 _BLOCK_BYTES = 1024 * 1024
 _COVER = 0x80
 """A record of this type is skipped by every reader of MCAP."""
@@ -18,7 +21,9 @@ _COVER = 0x80
 class LockedFile:
     """An append-only file of complete writes: one that fails leaves nothing behind.
 
-    Until it is closed, it is locked as a file that is being written.
+    A reserve of 512 KiB, or more where `keep_room` asks for it, is given back by `release`: room to
+    close the file with its index on a full disk. It is a file without a name, so that it goes with
+    the process. Until it is closed, the file is locked as one that is being written.
 
     disk: of the run. position: how much has been written [bytes]. All methods raise OSError.
     """
@@ -28,12 +33,37 @@ class LockedFile:
         self._disk = disk
         self.position = 0
         self._ahead = 0
+        self._reserve, self._reserved = -1, 0
         # A named pipe that stands there would wait for a reader without O_NONBLOCK.
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOFOLLOW
         self._file = disk.open(path, flags, 0o644)
         # Where the file system has no locks, no other process sees that the file is being written.
         with contextlib.suppress(OSError):
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        try:
+            name = path.with_name(f".{path.name}.reserve")
+            self._reserve = make_file(name, 0o600, disk)
+            disk.unlink(name)
+            self.keep_room(0)
+        except OSError:
+            self._disk.close(self._file)
+            self.release()
+            raise
+
+    def keep_room(self, size: int) -> None:
+        """Keep room for an index of so many bytes."""
+        if self._reserve >= 0 and _END_BYTES + size > self._reserved:
+            reserved = _END_BYTES + size + _MORE_BYTES
+            self._disk.posix_fallocate(self._reserve, self._reserved, reserved - self._reserved)
+            self._reserved = reserved
+
+    def release(self) -> None:
+        """Give back the room that was set aside."""
+        if self._reserve >= 0:
+            reserve, self._reserve = self._reserve, -1
+            # It holds nothing, and is closed also where that reports an error.
+            with contextlib.suppress(OSError):
+                self._disk.close(reserve)
 
     def write(self, data: bytes, ahead: bytes = b"") -> None:
         """Append all of `data`, or nothing of it; ahead: what the next `write` replaces."""

@@ -185,12 +185,14 @@ class McapFile:
         """Write what is left, a last metadata record and the index; harmless when repeated.
 
         incomplete: content of that record, which is written only where all messages are.
-        Raises RecordingFailed when they cannot be written, or anything before could not.
+        On a full disk they go into the room that was set aside. Raises RecordingFailed when they
+        cannot be written all the same, or anything before could not.
         """
         if self.closed:
             return
         self.closed = True
         failure = self._refusal
+        self._file.release()
         try:
             if failure is not None:
                 self._chunk, incomplete = Chunk(), None
@@ -235,6 +237,7 @@ class McapFile:
         """Write the chunk and its message indexes at once; raises OSError and MemoryError."""
         chunk = self._chunk
         if chunk.indexes:
+            self._file.keep_room(self._summary.chunk_index_bytes)
             data, row = encode_chunk(chunk, self._file.position)
             self._chunk = Chunk()
             self._write(data)

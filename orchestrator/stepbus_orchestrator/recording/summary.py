@@ -30,6 +30,11 @@ class Summary:
         self._message_counts: Counter[int] = Counter()
         self._earliest = self._latest = 0
 
+    @property
+    def chunk_index_bytes(self) -> int:
+        """Return the size of the index of all chunks so far [bytes]."""
+        return len(self._records[Opcode.CHUNK_INDEX])
+
     def register(self, record: mcap.Schema | mcap.Channel) -> tuple[int, bytes]:
         """Add a schema or channel under the next free number; return that, and its record."""
         opcode = Opcode.SCHEMA if isinstance(record, mcap.Schema) else Opcode.CHANNEL

@@ -11,16 +11,18 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
-from stepbus_orchestrator.recording import Recording, recover
+from stepbus_orchestrator.recording import McapFile, Recording, recover
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
 from stepbus_orchestrator.scenario.load import load
+from stepbus_schemas import JointState, encode
 
 pytestmark = pytest.mark.slow
 
@@ -28,7 +30,7 @@ STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 
 
 @pytest.mark.parametrize("size", ["1800k", pytest.param("2500k", marks=pytest.mark.slow)])
-def test_a_disk_that_fills_up_leaves_no_hole(small_disk, tmp_path, size):
+def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
     disk = small_disk(size)
     command = [STEPBUS, "run", "two_link", "--in-process", "--set", "duration=1000s", "--no-report"]
     done = subprocess.run(
@@ -36,15 +38,42 @@ def test_a_disk_that_fills_up_leaves_no_hole(small_disk, tmp_path, size):
     )
     assert done.returncode == ExitCode.RECORDING
     assert "No space left on device" in done.stderr
-    recovery = recover(disk / "run" / "run.mcap", tmp_path / "fixed.mcap")
-    assert recovery.holes == []
+    path = disk / "run" / "run.mcap"
+    assert Recording(path).damage == ""
     steps = {}
-    for topic, _, step, _ in messages(recovery.target):
+    for topic, _, step, _ in messages(path):
         steps.setdefault(topic, []).append(step)
     assert len(steps["plant/joint_state"]) > 1000
     assert {topic: {b - a for a, b in pairwise(own)} for topic, own in steps.items()} == {
         topic: {64} if topic == "stepbus/chain" else {1} for topic in steps
     }
+
+
+@pytest.mark.slow
+def test_a_full_disk_has_room_for_the_index_of_a_long_recording(small_disk, monkeypatch):
+    # Of 64 KiB, the chunks of 10⁷ steps would have as large an index.
+    monkeypatch.setattr(McapFile, "chunk_bytes", 100)
+    path = small_disk("6m") / "run.mcap"
+    file = McapFile(path)
+    channel = file.add_channel("plant/joint_state", "JointState/1", {})
+    with pytest.raises(RecordingFailed, match="No space left"):
+        fill(file, channel)
+    with pytest.raises(RecordingFailed, match="No space left"):
+        file.close()
+    with Recording(path) as recording:
+        steps = recording["plant/joint_state"].steps
+    assert recording.damage == ""
+    assert (steps == range(len(steps))).all()
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary.statistics.message_count == len(summary.chunk_indexes) == len(steps)
+    assert 80 * len(steps) > 600_000
+
+
+def fill(file, channel):
+    """Add messages until the disk is full."""
+    for step in range(1_000_000):
+        file.add(channel, step, encode(JointState(position=[0.0] * 10)), step)
 
 
 def start(folder, *options, bytes_written=20_000):

@@ -43,7 +43,7 @@ def end_by_kill(folder, chance):
 
 def end_by_limit(folder, chance):
     """Let no file of a run grow over some size."""
-    # Where it is smaller, the helper process of a run may not start.
+    # The room that is set aside for the index takes 512 KiB.
     size = chance.randrange(600_000, 1_500_000)
 
     def limit():

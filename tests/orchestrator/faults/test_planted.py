@@ -17,6 +17,8 @@ PLANTED = [
     ".result.json.part",
     ".report.png.part",
     ".report.html.part",
+    ".run.mcap.reserve",
+    ".timing.mcap.reserve",
     "result.json",
     "profile/mission.csv",
 ]

@@ -13,14 +13,13 @@ from support.surroundings import comes_true
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, recover
-from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.scenario.load import load
 
 
 @pytest.fixture
 def paused(tmp_path):
     """Return a run of 100 steps that waits behind the first ten."""
-    run = Paused(tmp_path / "run", load("two_link", ["duration=500ms"]), host=InProcess())
+    run = Paused(tmp_path / "run", load("two_link", ["duration=500ms"]))
     run.pace.step(10)
     try:
         assert comes_true(lambda: recorded(run.out / "run.mcap") >= 9)
