@@ -63,17 +63,12 @@ def scenario(folder, more="", urdf=None):
 @pytest.mark.parametrize(
     ("change", "more", "sentence"),
     [
-        (
-            "mission.params.offset={joint1: 1.0, joint2: -0.5}",
-            "",
-            "their first targets are 1 and -0.5",
-        ),
         ("seed=0", "motor: false", "has no motor (world file: motor: false)"),
         ("plant.params.effort.joint1=0", "", "has an effort limit of 0 N·m"),
         ("seed=0", "upper: -0.5, lower: -1", "rad is beyond its stop at -0.5"),
         ("mission.params.offset.joint1=-30", "", "is beyond its stop at -6.2832"),
     ],
-    ids=["swapped", "no motor", "no effort", "beyond a stop", "degrees"],
+    ids=["no motor", "no effort", "beyond a stop", "degrees"],
 )
 def test_a_mistake_is_shown_summed_up_and_recorded(tmp_path, capsys, change, more, sentence):
     out = tmp_path / "run"
