@@ -88,7 +88,7 @@ class Devices:
             for name, row in world.bases.items()
         }
         self.grippers = {
-            name: Gripper((joints[row.left], joints[row.right]), engine)
+            name: Gripper(row, (joints[row.left], joints[row.right]), engine)
             for name, row in world.grippers.items()
         }
         self.contacts = {

@@ -18,7 +18,7 @@ Indices = Sequence[tuple[int, int]]
 
 
 class Drive:
-    """Joints of one body with the same mode, and the latest target of each.
+    """Joints of one body with the same mode and actuation, and the latest target of each.
 
     This class itself drives nothing: a passive joint, and one of mode teleport, which jumps to each
     commanded position. joints: each keeps its target until a command names it again, even if
@@ -85,7 +85,7 @@ class DirectTorque(Drive):
             self._wanted[index] = _clip(command.values[source], self._efforts[index])
             if index in self._braked:
                 self._braked.remove(index)
-                self._resist(index, 0.0)
+                self._resist(index, self.joints[index].friction)
 
     def brake(self, index: int, position: float) -> None:
         """Hold the joint with the engine's motor, whose torque is not reported."""
@@ -249,6 +249,15 @@ def _clip(value: float, limit: float) -> float:
     return -limit if value < -limit else min(value, limit)
 
 
+_CLASSES: Mapping[tuple[str, str], type[Drive]] = {
+    ("torque", "direct"): DirectTorque,
+    ("torque", "velocity_force"): VelocityForce,
+    ("velocity", ""): VelocityMotor,
+    ("position", ""): PositionMotor,
+}
+"""Mode and, of mode torque, actuation → class; of any other: `Drive`."""
+
+
 class Warnings:
     """Collects warnings about commands until they are taken.
 
@@ -279,7 +288,7 @@ class Warnings:
 
 
 class Motors:
-    """The drives of a world: one per body and mode, for one engine call per substep.
+    """The drives of a world: one per body, mode and actuation, for one engine call per substep.
 
     step_ns, period_ns: length of a physics substep, and of the plant's step [ns]. drive_of: joint →
     its drive, and its index in that. owners: joint → the input that drives it. warnings: about
@@ -287,21 +296,17 @@ class Motors:
     """
 
     def __init__(self, physics: Physics, step_ns: int, period_ns: int) -> None:
-        def key(joint: Joint) -> tuple[int, str]:
-            return (joint.body, joint.effective_mode)
+        def key(joint: Joint) -> tuple[int, str, str]:
+            return (joint.body, joint.effective_mode, joint.actuation)
 
         self.physics = physics
         self.step_ns, self.period_ns = step_ns, period_ns
-        is_direct = physics.actuation == "direct"
-        classes: Mapping[str, type[Drive]] = {
-            "torque": DirectTorque if is_direct else VelocityForce,
-            "velocity": VelocityMotor,
-            "position": PositionMotor,
-        }
         groups = groupby(sorted(physics.joints.values(), key=key), key)
         self.drives = [
-            classes.get(mode, Drive)(physics.engine, list(joints), step_ns * 1e-9)
-            for (_, mode), joints in groups
+            _CLASSES.get((mode, actuation if mode == "torque" else ""), Drive)(
+                physics.engine, list(joints), step_ns * 1e-9
+            )
+            for (_, mode, actuation), joints in groups
         ]
         self.drive_of = {
             joint.name: (drive, index)

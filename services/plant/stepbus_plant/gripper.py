@@ -10,11 +10,11 @@ from stepbus_plant.drives import Motors
 from stepbus_plant.engine import BASE, Contact, Engine, Link
 from stepbus_plant.geometry import Pose
 from stepbus_plant.joint import Joint, describe_joints
+from stepbus_plant.world import GripperSettings
 from stepbus_schemas import GripperState, JointCommand, Point
 
-# Proportional gain from the width error to the finger velocity [1/s], and its limit [m/s].
+# Proportional gain from the width error to the finger velocity [1/s].
 _GAIN = 10.0
-_SPEED = 0.1
 
 # Least cosine between a contact normal and the opening direction of the fingers: 45°.
 _LEAST_COSINE = math.sqrt(0.5)
@@ -101,9 +101,10 @@ class Gripper:
     width: sum of both positions [m]. held_without_forces: what it holds while dynamics are off.
     """
 
-    def __init__(self, fingers: tuple[Joint, Joint], engine: Engine) -> None:
+    def __init__(self, row: GripperSettings, fingers: tuple[Joint, Joint], engine: Engine) -> None:
         self.joints = fingers
         self.description = describe_joints(fingers)
+        self.speed = row.speed
         self.fingers: list[Link] = [(joint.body, joint.index) for joint in self.joints]
         self.held_without_forces: Link | None = None
         self._engine = engine
@@ -248,7 +249,7 @@ class GripperDriver(Commander):
         """Move both fingers towards the width, with no more than the commanded force."""
         if (held := self.state.held) is None:
             return
-        gap = held.width - self._gripper.width()
-        velocity = min(max(_GAIN * gap / 2, -_SPEED), _SPEED)
+        gap, speed = held.width - self._gripper.width(), self._gripper.speed
+        velocity = min(max(_GAIN * gap / 2, -speed), speed)
         limits = [held.force] * 2
         self.execute(JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=limits))

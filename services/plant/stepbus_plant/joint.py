@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from stepbus_models import Joint as DescribedJoint
 from stepbus_models import Mimic
-from stepbus_plant.world import JointSettings, OwnMode
+from stepbus_plant.world import Actuation, JointSettings, OwnMode
 from stepbus_schemas import Description, JointCommand, Point
 
 
@@ -21,8 +21,8 @@ class Joint:
     numbers. type: revolute, continuous or prismatic. axis: in the frame of its child. lower, upper:
     stops [rad]. effort: torque limit [N·m]. max_velocity: limit of the commanded velocity [rad/s];
     0: none. motor: a joint without a motor swings freely. brake: deceleration in an emergency stop
-    [rad/s²]; None: as fast as it can. damping: [N·m·s/rad]. start, start_velocity: at
-    t = 0 [rad, rad/s]. mimic: the joint of its body that it follows.
+    [rad/s²]; None: as fast as it can. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
+    start, start_velocity: at t = 0 [rad, rad/s]. mimic: the joint of its body that it follows.
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     """
 
@@ -37,8 +37,10 @@ class Joint:
     max_velocity: float
     mode: OwnMode
     motor: bool
+    actuation: Actuation
     brake: float | None
     damping: float
+    friction: float
     start: float
     start_velocity: float
     mimic: Mimic | None = None
@@ -125,6 +127,8 @@ class Joint:
         elif self.mimic is None and not self.lower <= self.start <= self.upper:
             limits = f"[{self.lower}, {self.upper}]"
             yield f"start position {self.start} is outside its limits {limits}"
+        if self.friction and self.motor and (self.mode, self.actuation) != ("torque", "direct"):
+            yield "friction needs mode torque with actuation direct"
 
 
 def make_joint(
@@ -132,11 +136,12 @@ def make_joint(
     described: DescribedJoint,
     settings: JointSettings,
     *,
+    actuation: Actuation,
     damping: float,
 ) -> Joint:
     """Return a joint as described, overridden by the settings.
 
-    where: its numbers in the engine. damping: where the settings have none [N·m·s/rad].
+    where: its numbers in the engine. actuation, damping [N·m·s/rad]: where the settings have none.
     """
 
     def either(*values: float | None) -> float:
@@ -156,8 +161,10 @@ def make_joint(
         max_velocity=either(settings.max_velocity, described.velocity),
         mode=settings.mode or "torque",
         motor=settings.motor is not False,
+        actuation=settings.actuation or actuation,
         brake=settings.brake,
         damping=either(settings.damping, damping),
+        friction=settings.friction or 0.0,
         start=either(settings.position, min(max(0.0, lower), upper)),
         start_velocity=settings.velocity or 0.0,
     )

@@ -18,7 +18,7 @@ from stepbus_participant import (
 )
 from stepbus_participant.parameters import Keys, Pause
 from stepbus_plant.models import refuse_missing_meshes
-from stepbus_plant.world import EngineName, read_world
+from stepbus_plant.world import Actuation, EngineName, read_world
 from stepbus_schemas import WiringError
 
 Quantity = Literal["position", "velocity", "effort"]
@@ -155,8 +155,8 @@ class Params(Settings):
     """Errors of camera images. Default: none."""
     proximity: ProximityErrors = ProximityErrors()
     """Errors of the distances from contact sensors. Default: none."""
-    actuation: Literal["direct", "velocity_force"] = "direct"
-    """How to apply torques."""
+    actuation: Actuation = "direct"
+    """How to apply torques, unless the world file sets it for a joint."""
     effort: dict[str, NonNegative] = {}
     """Torque limit of a motor [N·m]; overrides the world file and the URDF."""
     poses: Names | None = None

@@ -34,8 +34,8 @@ _OPEN: list["Physics"] = []
 class Physics:
     """An engine that holds a world.
 
-    step_ns: length of a physics substep [ns]. params: effort limits that override the world's.
-    problems: of the params; what is wrong is added. actuation: of joints of mode torque.
+    step_ns: length of a physics substep [ns]. params: default actuation of the joints, and effort
+    limits that override the world's. problems: of the params; what is wrong is added.
 
     bodies: their names, in the engine's order. joints: the movable ones by name, in the order of
     the bodies and of their models; `body/joint` if two bodies share a name. fixed: names of the
@@ -55,7 +55,7 @@ class Physics:
         self.robots: list[RobotDescription] = []
         self.notes: list[tuple[str, str]] = []
         self.mistakes: list[tuple[Keys, str]] = []
-        self.actuation = params.actuation
+        self._actuation = params.actuation
         self._followers: dict[Link, list[tuple[Joint, Mimic]]] = {}
         self._items: list[int] = []
         self._coupled: set[int] = set()
@@ -226,6 +226,7 @@ class Physics:
                 (number, names.index(joint)),
                 robot.joints[joint],
                 settings.over(body.joint_defaults),
+                actuation=self._actuation,
                 damping=robot.joints[joint].damping if robot.format == "mjcf" else 0.0,
             )
             for joint, settings in own.items()
@@ -280,7 +281,7 @@ class Physics:
             stops = (-math.inf, math.inf) if is_loose else (joint.lower, joint.upper)
             engine.set_joint(*where, damping=joint.damping, lower=stops[0], upper=stops[1])
             self.teleport(joint, joint.start, joint.start_velocity)
-            engine.turn(joint.body, [joint.index], [0.0], [0.0])
+            engine.turn(joint.body, [joint.index], [0.0], [joint.friction])
         if self._items:
             engine.update_shapes()
         for number in self._items:

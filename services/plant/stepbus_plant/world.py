@@ -32,6 +32,7 @@ from stepbus_plant.world_sensors import (
 )
 
 EngineName = Literal["pybullet", "mujoco"]
+Actuation = Literal["direct", "velocity_force"]
 OwnMode = Literal["torque", "velocity", "position", "teleport"]
 Pixels = Annotated[int, msgspec.Meta(ge=1, le=4096)]
 
@@ -47,6 +48,8 @@ class JointSettings(Settings):
     commands to it. Default: true."""
     mimic: bool | None = None
     """Whether a joint with `<mimic>` in its URDF follows the other joint. Default: true."""
+    actuation: Actuation | None = None
+    """How to apply torques. Default: the plant's `actuation`, or direct."""
     position: Finite | None = None
     """Initial position [rad]. Default: the one nearest to 0 within the limits."""
     velocity: Finite | None = None
@@ -66,6 +69,9 @@ class JointSettings(Settings):
     allows."""
     damping: NonNegative | None = None
     """Viscous friction [N·m·s/rad]. Default: 0; the URDF is ignored."""
+    friction: NonNegative | None = None
+    """Coulomb friction [N·m]; only with mode torque and actuation direct. Default: 0; the URDF
+    is ignored."""
 
     def over(self, defaults: JointSettings) -> JointSettings:
         """Return these settings, with those of `defaults` where they are absent."""
@@ -131,6 +137,8 @@ class GripperSettings(Settings):
     """Joint of one finger; it needs mode velocity, and positive positions open the gripper."""
     right: str
     """Joint of the other finger; same requirements."""
+    speed: Positive = 0.1
+    """Largest velocity of each finger [m/s]."""
 
 
 class ContactSensorSettings(Settings):

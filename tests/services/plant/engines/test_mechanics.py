@@ -91,6 +91,22 @@ def rod(tmp_path, engine, settings):
     return make(tmp_path, engine, {"rod": fixed(ROD, f"joint_defaults: {{{settings}}}")})
 
 
+def test_coulomb_friction_stops_a_joint_where_it_should(tmp_path, engine):
+    plant = advance(disc(tmp_path, engine, "velocity: 1, friction: 1"), 600)
+    # v² I / 2 τ = 0.25 rad, and up to a substep's travel less.
+    where, speed = state(plant, "axle")
+    assert where == pytest.approx(0.25, abs=1e-3)
+    assert abs(speed) < 1e-3
+    assert state(advance(plant, 1000), "axle")[0] == pytest.approx(where, abs=1e-3)
+
+
+@pytest.mark.parametrize(("torque", "expected"), [(0.9, 0.0), (1.5, 1.0)])
+def test_coulomb_friction_bears_a_torque_up_to_its_own(tmp_path, engine, torque, expected):
+    plant = disc(tmp_path, engine, "friction: 1")
+    command(plant, "torque", torque)
+    assert state(advance(plant, 500), "axle")[1] == pytest.approx(expected * 0.5, abs=5e-3)
+
+
 def test_damping_slows_as_an_exponential(tmp_path, engine):
     plant = advance(disc(tmp_path, engine, "velocity: 1, damping: 2"), 500)
     # Euler's steps differ from it by h (d / I)² t / 2 = 0.4 %, in both directions.
@@ -208,8 +224,7 @@ def test_a_brake_holds_a_torque_driven_joint(tmp_path, engine):
 
 
 def test_a_torque_by_way_of_a_velocity_motor_is_the_same_torque(tmp_path, engine):
-    row = fixed(DISC, "joint_defaults: {effort: 10}")
-    plant = make(tmp_path, engine, {"disc": row}, actuation="velocity_force")
+    plant = disc(tmp_path, engine, "actuation: velocity_force, effort: 10")
     command(plant, "torque", 3.0)
     assert state(advance(plant, 100), "axle")[1] == pytest.approx(3 / DISC_MOMENT * 0.1, rel=1e-3)
     assert plant.sense().effort == pytest.approx([3.0], rel=1e-3)

@@ -67,6 +67,11 @@ def test_without_damping_a_wheel_turns_for_ever(tmp_path):
     assert plant.sense().velocity[0] == pytest.approx(1.0, abs=1e-12)
 
 
+def test_friction_does_not_show_in_the_effort_of_the_motor(tmp_path):
+    plant = idle(free_wheel(tmp_path, "{velocity: 1, friction: 1}"), 10)
+    assert plant.sense().effort == [0.0]
+
+
 def test_stops_of_the_world_can_be_wider_than_the_urdfs(tmp_path):
     plant = make_plant(tmp_path, body("w", "wheel", "{velocity: 1, upper: 5}"), step_ns=MS)
     assert idle(plant, 2000).sense().position[0] == pytest.approx(2.0)
