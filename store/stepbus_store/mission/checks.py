@@ -117,8 +117,11 @@ def arrived(store: StoreState) -> Outcome | None:
     if status is not None and status.state in {"failed", "cancelled"}:
         cause = status.cause or status.state
         return Outcome(name="failed", cause=cause, text=_phrase(cause, status.text))
-    if status is not None and status.text and status.state == "running":
-        _forward(store, status.text)
+    is_new = status is not None and status.text not in ("", store.visit.last_text)
+    if status is not None and status.state == "running" and is_new:
+        # Such as a search for another path.
+        store.visit.last_text = status.text
+        store.report(status.text, "warning")
     return _timeout(store)
 
 
@@ -160,13 +163,6 @@ def _trip_failed(store: StoreState) -> Outcome | None:
     return Outcome(name="failed", cause=cause, text=text, doing=store.trip_doing)
 
 
-def _forward(store: StoreState, text: str) -> None:
-    """Log a new text of the running goal, such as a search for another path."""
-    if text != store.visit.last_text:
-        store.visit.last_text = text
-        store.report(text, "warning")
-
-
 def _phrase(cause: str, text: str) -> str:
     """Return cause and text of a status without repeating the cause."""
     words = cause.replace("_", " ")
@@ -202,11 +198,6 @@ def _dropped(store: StoreState) -> Outcome | None:
         return None
     text = f"dropped, width {store.inputs.gripper.width:.3f} m"
     return Outcome(name="dropped", cause=Cause.DROPPED, text=text)
-
-
-def _aim(store: StoreState) -> Outcome | None:
-    """Locate the outlet, unless the item is lost."""
-    return _dropped(store) or aim(store)
 
 
 def check_grip(store: StoreState) -> Outcome | None:
@@ -310,7 +301,7 @@ CHECKS: Mapping[str, Check] = {
     "order": choose,
     "find": find,
     "correct": correct,
-    "aim": _aim,
+    "aim": lambda store: _dropped(store) or aim(store),
     "check_width": check_width,
     "check_grip": check_grip,
     "check_lift": check_lift,
@@ -326,9 +317,4 @@ CHECKS: Mapping[str, Check] = {
     "stop": at_rest,
     "recover": recovered,
 }
-"""State → its check; other states end when the controller reports the end of the goal."""
-
-
-def check_of(state: str) -> Check:
-    """Return the check of a state."""
-    return CHECKS.get(state, arrived)
+"""State → its check; the others have `arrived`."""

@@ -38,7 +38,7 @@ from stepbus_schemas import (
     WiringError,
 )
 from stepbus_store.cause import Cause
-from stepbus_store.mission.checks import CURABLE, PLANNABLE, check_of
+from stepbus_store.mission.checks import CHECKS, CURABLE, PLANNABLE, arrived
 from stepbus_store.mission.geometry import TrueBase
 from stepbus_store.mission.goals import GOALS
 from stepbus_store.mission.params import Params, unknown_type
@@ -262,7 +262,7 @@ class StoreMission(Participant):
         if lost is not None and store.visit.state not in ("stop", *LAST):
             return self._go_to(store, "stop", lost)
         while True:
-            outcome = check_of(store.visit.state)(store)
+            outcome = CHECKS.get(store.visit.state, arrived)(store)
             if outcome is None:
                 return None
             goal = (
@@ -341,22 +341,20 @@ class StoreMission(Participant):
         """Return the log of this step, and at the end the report."""
         log, store.log = store.log, []
         ports = self._ports
-        report = self._report(store) if self._is_done else []
+        report: list[LogEntry] = []
+        if self._is_done:
+            text = summary(
+                store.results,
+                len(self._settings.orders),
+                store.since(0),
+                failure=self._failure,
+                unsold=store.all_unsold(),
+                by=WITNESSES[self._settings.verification],
+            )
+            report.append(("info", text))
         if ports.summary == ports.events:
             return _event(ports.events, [*log, *report])
         return _event(ports.events, log) | _event(ports.summary, report)
-
-    def _report(self, store: StoreState) -> list[LogEntry]:
-        orders, duration = len(self._settings.orders), store.since(0)
-        text = summary(
-            store.results,
-            orders,
-            duration,
-            failure=self._failure,
-            unsold=store.all_unsold(),
-            by=WITNESSES[self._settings.verification],
-        )
-        return [("info", text)]
 
 
 def _lost(inputs: Inputs) -> Outcome | None:

@@ -37,7 +37,9 @@ class AnalyticChain:
         self._chain = robot.chain(tip)
         self._tip = robot.frame_id(tip)
         self._solver: Any = None
-        if self._is_six_revolute():
+        model = robot.model
+        types = [model.joints[model.getJointId(name)].shortname() for name in self._names()]
+        if len(types) == 6 and all(name.startswith("JointModelR") for name in types):
             self._set_up()
 
     @property
@@ -62,11 +64,6 @@ class AnalyticChain:
             if is_new and self._reaches(branch, target):
                 branches.append(branch)
         return branches
-
-    def _is_six_revolute(self) -> bool:
-        model = self._robot.model
-        types = [model.joints[model.getJointId(name)].shortname() for name in self._names()]
-        return len(types) == 6 and all(name.startswith("JointModelR") for name in types)
 
     def _names(self) -> list[str]:
         """Return the joints that move the tip, starting at the base."""

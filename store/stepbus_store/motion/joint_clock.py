@@ -82,7 +82,10 @@ class MotionClock:
         least = _LEAST_SHARE * float((self._jerk[moving] / np.abs(velocity)).min())
         steepest = _SERVO_SHARE * max(min(-low, high), least)
         slowest, fastest = self._slope(dt, trajectory, moving)
-        ramp = min(max(_towards(error, dt, steepest), slowest), fastest)
+        # The change that can still end where the error is 0.
+        most = math.sqrt(2.0 * steepest * abs(error))
+        towards = math.copysign(min(abs(error) / dt, most), error)
+        ramp = min(max(towards, slowest), fastest)
         low, high = min(low, -least), max(high, least)
         ramp = min(max(ramp, self._ramp + low * dt), self._ramp + high * dt)
         return min(max(ramp, -_FASTEST_RAMP), _FASTEST_RAMP)
@@ -119,8 +122,3 @@ def _interval(have: Vector, per_unit: Vector, limit: Vector) -> tuple[float, flo
     """Return the values x for which |have + per_unit · x| stays within a limit, for all joints."""
     ends = np.array([(-limit - have) / per_unit, (limit - have) / per_unit])
     return float(ends.min(axis=0).max()), float(ends.max(axis=0).min())
-
-
-def _towards(error: float, dt: float, curve: float) -> float:
-    """Return the change of the rate that can still end, at a curvature, where the error is 0."""
-    return math.copysign(min(abs(error) / dt, math.sqrt(2.0 * curve * abs(error))), error)

@@ -59,7 +59,10 @@ class ItemType:
         """
         samples = []
         for number, face in enumerate(self.faces):
-            grid = _grid(face)
+            steps = math.ceil(face.outline.reach / _GRID)
+            ticks = _GRID * np.arange(-steps, steps + 1)
+            x, y = np.meshgrid(face.offset[0] + ticks, face.offset[1] + ticks)
+            grid = np.column_stack([x.ravel(), y.ravel()])
             free = face.beyond(grid) < -MARGIN
             for above in self.faces[:number]:
                 free &= above.beyond(grid) > MARGIN
@@ -125,14 +128,6 @@ def with_landmarks(
     mark = ItemType(name=name, color=color, faces=(face,), centre=(0.0, 0.0, 0.0))
     others = tuple(other for other in catalog.others if other != color)
     return replace(catalog, types=(*catalog.types, mark), others=others)
-
-
-def _grid(face: Face) -> Vector:
-    """Return a square grid, shape (n, 2), that covers a face."""
-    steps = math.ceil(face.outline.reach / _GRID)
-    ticks = _GRID * np.arange(-steps, steps + 1)
-    x, y = np.meshgrid(face.offset[0] + ticks, face.offset[1] + ticks)
-    return np.column_stack([x.ravel(), y.ravel()])
 
 
 def _color(port: str, name: str, text: str) -> Color | None:

@@ -96,18 +96,13 @@ def visible_share(scene: Scene, among: Mask, item_type: ItemType, pose: Pose) ->
     right = colored & (np.abs(off) < LEVELS_APART)
     wrong = there & ~right & (off < LEVELS_APART)
     hidden = there & ~right & ~wrong
-    itself = hidden & colored & _within(item_type, pose, seen)
+    local = (seen - pose.position) @ pose.rotation
+    beyond = np.min([face.beyond(local[:, :2]) for face in item_type.faces], axis=0)
+    top = item_type.faces[0].offset[2] + LEVELS_APART
+    itself = hidden & colored & (beyond < MARGIN) & (local[:, 2] < top)
     if wrong.sum() > _CONTRADICTED * (wrong | right).sum():
         return 0.0
     return float(right.sum() / max((~itself).sum(), 1))
-
-
-def _within(item_type: ItemType, pose: Pose, points: np.ndarray) -> Mask:
-    """Return which points, shape (n, 3) [m], belong to the item itself."""
-    local = (points - pose.position) @ pose.rotation
-    beyond = np.min([face.beyond(local[:, :2]) for face in item_type.faces], axis=0)
-    within: Mask = (beyond < MARGIN) & (local[:, 2] < item_type.faces[0].offset[2] + LEVELS_APART)
-    return within
 
 
 _ROUNDS = (cv2.TERM_CRITERIA_COUNT, 50, 0.0)

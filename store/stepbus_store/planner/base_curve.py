@@ -123,7 +123,8 @@ def _route(
     seconds = _turn_time(params, wrapped(first - start[2])) + _turn_time(
         params, wrapped(goal[2] - yaws[-1])
     )
-    seconds += _line_time(params, float(steps.sum()), curvature)
+    speed = min(params.base_speed, params.base_turn_speed / max(curvature, 1e-9))
+    seconds += _STOP + _trapezoid(float(steps.sum()), speed, params.base_acceleration)
     return SmoothRoute(poses=tuple(poses), seconds=seconds, sharpest=curvature)
 
 
@@ -185,12 +186,6 @@ def _apart(dense: Vector) -> Vector:
     points: Vector = np.stack([np.interp(s, along, dense[:, n]) for n in (0, 1)], axis=1)
     points[[0, -1]] = dense[[0, -1]]
     return points
-
-
-def _line_time(params: Params, length: float, curvature: float) -> float:
-    """Return how long a curve takes [s]; curvature: the largest [1/m]."""
-    speed = min(params.base_speed, params.base_turn_speed / max(curvature, 1e-9))
-    return _STOP + _trapezoid(length, speed, params.base_acceleration)
 
 
 def _turn_time(params: Params, angle: float) -> float:

@@ -140,10 +140,9 @@ class _Finder:
 
 def rounded(path: Vector, is_free: Callable[[Vector], bool]) -> Vector:
     """Return a path, shape (k, n) [rad], with its corners rounded by collision-free parabolas."""
-    points = [path[:1]]
-    for before, corner, after in zip(path[:-2], path[1:-1], path[2:], strict=True):
-        points.append(_rounding(before, corner, after, is_free))
-    return np.concatenate([*points, path[-1:]])
+    corners = zip(path[:-2], path[1:-1], path[2:], strict=True)
+    rounded_off = [_rounding(*points, is_free) for points in corners]
+    return np.concatenate([path[:1], *rounded_off, path[-1:]])
 
 
 def _rounding(

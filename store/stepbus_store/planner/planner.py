@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stepbus_participant import Config, Participant, Ports, Problems, Step, installed_version
+from stepbus_participant import Config, Participant, Ports, Step, installed_version
 from stepbus_schemas import (
     BaseState,
     Description,
@@ -56,15 +56,6 @@ def _read_planning(config: Config, params: Params, robot: PlannedRobot) -> Plann
     )
 
 
-def _make_robot(params: Params, problems: Problems) -> PlannedRobot:
-    files = (params.model, params.joints, params.posture, params.srdf)
-    links = (params.frame, params.tip)
-    robot = problems.attempt(("model",), lambda: PlannedRobot(*files, links))
-    if robot is None:
-        raise problems.error()
-    return robot
-
-
 Level = Literal["info", "warning"]
 
 
@@ -109,8 +100,13 @@ class Planner(Participant):
         self._event_port = ports.optional_output_of("Event/1")
         ports.outputs_are("Plan/1", "Event/1")
         params = self._params = config.read(Params, ports.problems)
-        self._robot = _make_robot(params, config.problems().below(("params",)))
-        self._planning = _read_planning(config, params, self._robot)
+        files = (params.model, params.joints, params.posture, params.srdf)
+        links, problems = (params.frame, params.tip), config.problems().below(("params",))
+        robot = problems.attempt(("model",), lambda: PlannedRobot(*files, links))
+        if robot is None:
+            raise problems.error()
+        self._robot = robot
+        self._planning = _read_planning(config, params, robot)
         period_ns = config.every * config.step_ns
         self._names = [params.prefix + joint for joint in self._robot.joints]
         self._latency = -(-params.latency_ns // period_ns) * config.every

@@ -44,14 +44,9 @@ class ReachablePoses:
     """
 
     def __init__(self, path: Path, frame: str, tips: Iterable[str], seed: int) -> None:
-        self._robot = RobotModel(path)
+        self._robot = RobotModel(path, links=(frame, *tips))
         self._frame = frame
         self._random = np.random.Generator(np.random.PCG64(seed))
-        try:
-            for name in (frame, *tips):
-                self._robot.frame_id(name)
-        except RunError as exc:
-            raise WiringError(str(exc)) from exc
 
     def draw(self, tip: str) -> Any:
         """Return a pose of a frame, as `pinocchio.SE3`; joints that do not move it are neutral."""

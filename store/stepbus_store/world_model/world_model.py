@@ -182,7 +182,9 @@ class WorldModel(Participant):
         pose = BaseState(x=x, y=y, yaw=yaw, vx=odometry.vx, wz=odometry.wz)
         messages: dict[str, Message] = {self._ports.pose: pose}
         gripper = step.read(self._ports.gripper, GripperState)
-        q = self._joints(step.read(self._ports.joint_state, JointState), gripper)
+        joints = step.read(self._ports.joint_state, JointState)
+        arm = self._order.pick(joints.position, "position")
+        q = np.array([*arm, *(gripper.width / 2 for _ in self._params.fingers)])
         base = self._base()
         items.carry(base * self._robot.frame_pose(q, self._params.tip), holding=gripper.holding)
         if (step.index // self.config.every) % self._every == 0:
@@ -210,10 +212,6 @@ class WorldModel(Participant):
         }
         self._items = Items(self._types, places, params.same)
         return self._items
-
-    def _joints(self, state: JointState, gripper: GripperState) -> np.ndarray:
-        arm = self._order.pick(state.position, "position")
-        return np.array([*arm, *(gripper.width / 2 for _ in self._params.fingers)])
 
     def _base(self) -> pin.SE3:
         x, y, yaw = self._localization.pose

@@ -4,12 +4,7 @@ from collections.abc import Mapping
 
 from stepbus_kinematics import SelfCollisions
 from stepbus_participant import Config, Participant, Ports, Step, installed_version
-from stepbus_schemas import (
-    Description,
-    Goal,
-    JointState,
-    Message,
-)
+from stepbus_schemas import Description, Goal, JointState, Message
 from stepbus_store.motion.arm.params import Params
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.manipulator.options import ManipulatorOptions

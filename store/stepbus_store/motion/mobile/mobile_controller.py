@@ -132,8 +132,11 @@ class MobileController(Participant):
             return None
         arm = self._sensor.read(joints)
         contacts = step.get(ports.contacts, Contacts) if ports.contacts is not None else None
-        if contacts is not None and self.settings.params.prefix:
-            contacts = _named_without(self.settings.params.prefix, contacts)
+        prefix = self.settings.params.prefix
+        if contacts is not None and prefix:
+            # The robot's own links have the names of its model.
+            pairs = [(a.removeprefix(prefix), b.removeprefix(prefix)) for a, b in contacts.pairs]
+            contacts = msgspec.structs.replace(contacts, pairs=pairs)
         _check(arm, base, gripper)
         return replace(arm, base=base, gripper=gripper, contacts=contacts)
 
@@ -179,12 +182,6 @@ class MobileController(Participant):
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the motion."""
         return {name: installed_version(name) for name in ("numpy", "pin", "ruckig")}
-
-
-def _named_without(prefix: str, contacts: Contacts) -> Contacts:
-    """Return contacts in which the robot's own links have the names of its model."""
-    pairs = [(one.removeprefix(prefix), two.removeprefix(prefix)) for one, two in contacts.pairs]
-    return msgspec.structs.replace(contacts, pairs=pairs)
 
 
 def _check(arm: Measured, base: BaseState, gripper: GripperState) -> None:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import Config, Ports, Problems, suggest
-from stepbus_schemas import RunError
 from stepbus_store.motion.back_to_rest import StowCondition
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import make_limits, make_robot
@@ -57,7 +56,6 @@ class MobileSettings:
         self.params = params = config.read(Params, ports.problems)
         problems = config.problems().below(("params",))
         self.robot = robot = make_robot(params, problems, params.posture)
-        _check_frame(params.tip, robot, problems)
         monitor = _monitor(params, robot, problems)
         self.monitor = monitor if self.ports.contacts is not None else None
         self.collisions: SelfCollisions | None = None
@@ -87,23 +85,15 @@ def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSe
     links = robot.links
     wheels = tuple(name for name in links if "wheel" in name or "caster" in name)
     ignore = wheels if params.ignore is None else params.ignore
-    for key, names in (("pads", params.pads), ("ignore", ignore)):
+    for key, names in (("tip", (params.tip,)), ("pads", params.pads), ("ignore", ignore)):
         for name in names:
             if name not in links:
                 problems.add((key,), f"link {name!r} is not in the model{suggest(name, links)}")
+    if params.tip in links and not robot.chain(params.tip).size:
+        problems.add(("tip",), f"no joint of this controller moves {params.tip!r}")
     return MonitorSettings(
         params=params,
         links=frozenset(links),
         base_links=frozenset(name for name in links if not robot.chain(name).size),
         ignore=frozenset(ignore),
     )
-
-
-def _check_frame(tip: str, robot: RobotModel, problems: Problems) -> None:
-    try:
-        is_moved = bool(robot.chain(tip).size)
-    except RunError as exc:
-        problems.add(("tip",), str(exc))
-        return
-    if not is_moved:
-        problems.add(("tip",), f"no joint of this controller moves {tip!r}")

@@ -35,7 +35,7 @@ class Params(JointParams):
     collision_margin: NonNegative = 0.002
     """Smallest distance between two links of the robot [m]."""
     tip: Text = "grasp"
-    """Frame of the gripper, for the stow condition and for backing off."""
+    """Link of the gripper, for the stow condition and for backing off."""
     tip_velocity: Positive = 0.25
     """Speed of the tip on straight lines and spirals [m/s]."""
     tip_acceleration: Positive = 0.5

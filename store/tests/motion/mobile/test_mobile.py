@@ -86,7 +86,7 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("params", "text"),
     [
-        ({"tip": "grasps"}, "tip: frame 'grasps' is not in robot.urdf; did you mean 'grasp'"),
+        ({"tip": "grasps"}, "tip: link 'grasps' is not in the model; did you mean 'grasp'"),
         ({"tip": "chassis"}, "tip: no joint of this controller moves 'chassis'"),
         ({"pads": ["left_pad"]}, "pads: names 1 links"),
         ({"ignore": ["wheels"]}, "ignore: link 'wheels' is not in the model"),
