@@ -15,8 +15,7 @@ from stepbus_plant.noise import Noise
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
 from stepbus_plant.readings import ImuSensor, Lidar, TransformSensor, WrenchSensor
-from stepbus_plant.world import BaseSettings, GripperSettings
-from stepbus_plant.world_sensors import WORLD
+from stepbus_plant.world import WORLD, BaseSettings, GripperSettings
 from stepbus_schemas import Description, Message, WiringError
 
 TRIGGER = "CameraTrigger/1"

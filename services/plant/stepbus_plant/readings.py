@@ -12,7 +12,7 @@ import numpy as np
 from stepbus_plant.geometry import Array, Geometry, Pose, rotation
 from stepbus_plant.noise import Errors
 from stepbus_plant.physics import Physics
-from stepbus_plant.world_sensors import (
+from stepbus_plant.world import (
     WORLD,
     ImuSettings,
     LidarSettings,
