@@ -10,8 +10,7 @@ from functools import cache
 from typing import Any
 
 from stepbus_participant import package_path
-from stepbus_plant.stock import Item
-from stepbus_plant.world_file import load_world
+from stepbus_plant.world_file import Item, load_world
 
 _TYPES = ("cola", "juice", "water", "soup")
 _HEIGHTS = {"cola": 0.116, "juice": 0.121, "water": 0.151, "soup": 0.101}

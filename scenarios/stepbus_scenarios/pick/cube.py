@@ -48,7 +48,7 @@ class CubeParams(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Cube:
-    """A cube, as `stepbus_plant.stock.Item` describes it."""
+    """A cube, as `stepbus_plant.world_file.Item` describes it."""
 
     urdf: Path
     position: tuple[float, float, float]
@@ -63,7 +63,7 @@ class Cube:
 
 
 class CubeStart:
-    """Puts a cube into the world: `stock.source` of a world file, see `stepbus_plant.stock`."""
+    """Puts a cube into the world: a `stepbus_plant.world_file.Stock`."""
 
     World, Params = CubeSettings, CubeParams
 

@@ -7,14 +7,7 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 
-from stepbus_controller.laws import (
-    LAWS,
-    PD,
-    Reference,
-    check_gains,
-    make_law,
-    make_robot,
-)
+from stepbus_controller.laws import LAWS, PD, Reference, check_gains, make_law, make_robot
 from stepbus_controller.params import Params
 from stepbus_controller.smoothing import Differentiator, make_smoother
 from stepbus_kinematics import Vector, joint_orders

@@ -6,13 +6,7 @@ from itertools import pairwise
 from typing import Any, Protocol
 
 from stepbus_mission.csv_table import Table, read_table
-from stepbus_mission.params import (
-    SineParams,
-    StepParams,
-    TableParams,
-    WaypointParams,
-    time_of,
-)
+from stepbus_mission.params import SineParams, StepParams, TableParams, WaypointParams, time_of
 from stepbus_mission.polynomials import (
     PiecewisePolynomial,
     Polynomial,

@@ -1,7 +1,7 @@
 """What a world has beside its bodies: bases, grippers, cameras and sensors, and their ports."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
@@ -15,8 +15,7 @@ from stepbus_plant.noise import Noise
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
 from stepbus_plant.readings import ImuSensor, Lidar, TransformSensor, WrenchSensor
-from stepbus_plant.world import BaseSettings, GripperSettings
-from stepbus_plant.world_sensors import WORLD
+from stepbus_plant.world import WORLD, BaseSettings, GripperSettings
 from stepbus_schemas import Description, Message, WiringError
 
 TRIGGER = "CameraTrigger/1"
@@ -56,9 +55,8 @@ class Sensor(Protocol):
         ...
 
 
-@runtime_checkable
-class _Remembers(Protocol):
-    """A device whose next reading depends on earlier ones."""
+class _Device(Sensor, Protocol):
+    """A sensor of which a checkpoint has all that its next reading depends on."""
 
     def save(self) -> Any: ...
 
@@ -105,8 +103,8 @@ class Devices:
             self.switch_camera(name, on=True)
         self._views = views(self.cameras)
         self.has_images = False
-        self._sensors: dict[tuple[str, str], Sensor] = {
-            (section, name): device
+        self._sensors: dict[str, _Device] = {
+            f"{section}/{name}": device
             for section in ("bases", "grippers", "contacts")
             for name, device in getattr(self, section).items()
         }
@@ -114,8 +112,7 @@ class Devices:
     def save(self) -> dict[str, Any] | None:
         """Return what devices remember; None where that cannot be had."""
         cameras = {name: camera.save() for name, camera in self.cameras.items()}
-        rows = {"/".join(key): sensor for key, sensor in self._sensors.items()}
-        states = {key: row.save() for key, row in rows.items() if isinstance(row, _Remembers)}
+        states = {key: sensor.save() for key, sensor in self._sensors.items()}
         return None if None in cameras.values() else {**states, "cameras": cameras}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
@@ -123,8 +120,7 @@ class Devices:
         for name, is_on in saved["cameras"].items():
             self.cameras[name].restore(is_on)
         for key, sensor in self._sensors.items():
-            if isinstance(sensor, _Remembers):
-                sensor.restore(saved["/".join(key)])
+            sensor.restore(saved[key])
 
     def owners(self) -> dict[str, str]:
         """Return joint → the base or gripper it belongs to."""
@@ -157,11 +153,10 @@ class Devices:
             return self._views[port], period_ns or self._period_ns
         section = STATES[port_type]
         name, row = self._choose(section, port, port_type)
-        if (section, name) not in self._sensors:
-            self._sensors[section, name] = _MADE_WHEN_NEEDED[section](
-                f"{section}/{name}", row, self._physics, self._seed
-            )
-        device = self._sensors[section, name]
+        key = f"{section}/{name}"
+        if key not in self._sensors:
+            self._sensors[key] = _MADE_WHEN_NEEDED[section](key, row, self._physics, self._seed)
+        device = self._sensors[key]
         if isinstance(device, ContactSensor) and device not in self.felt:
             self.felt.append(device)
         return device, getattr(row, "period_ns", None) or self._period_ns
@@ -203,10 +198,9 @@ def mistakes(physics: Physics, period_ns: int) -> Iterator[tuple[Keys, str]]:
 
 def _sensor_mistakes(physics: Physics, period_ns: int) -> Iterator[tuple[Keys, str]]:
     world = physics.world
-    links = dict.fromkeys(physics.links)
-    groups = dict.fromkeys(f"{body}/*" for body in physics.bodies)
+    groups = [f"{body}/*" for body in physics.bodies]
     for section in _SENSORS:
-        known = {**links, **groups} if section == "contacts" else links
+        known = [*physics.links, *(groups if section == "contacts" else [])]
         for name, row in getattr(world, section).items():
             for keys, link in _links_of(row):
                 if link not in known:

@@ -26,7 +26,7 @@ _FRESH_COSINE = math.cos(math.radians(25.0))
 _TURNED_COSINE = math.cos(math.radians(10.0))
 
 FORCE_WITHOUT_DYNAMICS = 15.0
-"""Reported of a gripper that holds something while dynamics are off [N]."""
+"""Force of each pad on what a gripper holds while dynamics are off [N]."""
 
 
 class Grip:

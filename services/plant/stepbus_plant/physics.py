@@ -16,9 +16,8 @@ from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
 from stepbus_plant.models import hindered, loadable, pairs_without_collision
 from stepbus_plant.params import Params
-from stepbus_plant.stock import fitted
 from stepbus_plant.world import Body, JointSettings
-from stepbus_plant.world_file import World
+from stepbus_plant.world_file import World, fitted
 from stepbus_schemas import WiringError
 
 T = TypeVar("T")

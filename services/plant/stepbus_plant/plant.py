@@ -206,14 +206,22 @@ class SimulatedPlant:
 
 def _substep_ns(world: World, params: Params, period_ns: int, problems: Problems) -> int:
     """Return the length of a physics substep [ns]; problems: of the params."""
-    step_ns = params.physics_step_ns
+    step = f"the plant's step of {format_duration(period_ns)}"
+    step_ns = params.physics_step_ns or world.physics_step_ns
     if step_ns is None:
-        return problems.attempt((), partial(world.physics_ns, period_ns)) or period_ns
-    if period_ns % step_ns:
-        step = f"the plant's step of {format_duration(period_ns)}"
-        problems.add(("physics_step",), f"{format_duration(step_ns)} does not divide {step}")
-        return period_ns
-    return step_ns
+        step_ns, rest = divmod(period_ns, world.substeps or 1)
+        key = "substeps"
+        text = f"{world.substeps} substeps do not divide {step} into whole nanoseconds"
+    else:
+        rest = period_ns % step_ns
+        key, text = "physics_step", f"{format_duration(step_ns)} does not divide {step}"
+    if step_ns and not rest:
+        return step_ns
+    if params.physics_step_ns is None:
+        problems.attempt((), partial(world.source.refuse, [((key,), text)]))
+    else:
+        problems.add((key,), text)
+    return period_ns
 
 
 def _checked(physics: Physics, params: Params, period_ns: int, problems: Problems) -> list[Joint]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 from stepbus_models import Link as DescribedLink
@@ -12,25 +11,13 @@ from stepbus_plant.engine import BASE, Link
 from stepbus_plant.geometry import Pose, quaternion
 from stepbus_plant.params import FixedPoint
 from stepbus_plant.physics import Physics
-from stepbus_plant.stock import Item
+from stepbus_plant.world_file import Item
 from stepbus_schemas import Description, Point, Poses, Quaternion
 
 PLANOGRAM = "planogram"
 """Name of an output of type Poses/1 that shows where links belong, instead of the true poses."""
 _CENTIMETRE = 0.01
 _ONLY_NAMED = ("mesh", "plane")
-
-
-@dataclass(frozen=True)
-class Appearance:
-    """Collision shapes of a link in its frame, as text, and the colour of its visual.
-
-    Lengths are in [m], quaternions x, y, z, w, and colours r, g, b (0 to 1). The engine cannot
-    report them: it turns a cylinder into a mesh, and gives shapes relative to the centre of mass.
-    """
-
-    shape: str = ""
-    color: str = ""
 
 
 class PoseSensor:
@@ -97,25 +84,30 @@ class PoseSensor:
         return Description(
             names=self.names,
             details={
-                "shape": [link.shape for link in shown],
+                "shape": [shape for shape, _ in shown],
                 "body": bodies,
                 "type": [world.items[body].type if body in world.items else "" for body in bodies],
                 "color": [
-                    link.color if world.bodies[body].visuals else ""
-                    for body, link in zip(bodies, shown, strict=True)
+                    colour if world.bodies[body].visuals else ""
+                    for body, (_, colour) in zip(bodies, shown, strict=True)
                 ],
             },
         )
 
-    def _appearances(self) -> list[Appearance]:
-        """Return the appearance of each link; a point has none."""
-        shown: dict[Link, Appearance] = {}
+    def _appearances(self) -> list[tuple[str, str]]:
+        """Return collision shapes and colour of each link, as text; a point has none.
+
+        Lengths are in [m], quaternions x, y, z, w, and colours r, g, b (0 to 1). The engine cannot
+        report them: it turns a cylinder into a mesh, and gives shapes relative to the centre of
+        mass.
+        """
+        shown: dict[Link, tuple[str, str]] = {}
         for body in dict.fromkeys(body for body, _ in self._indices):
             described = self._physics.robots[body].links
             links = self._engine.links(body).items()
             shown |= {link: _appearance(described[name]) for name, link in links}
         return [
-            Appearance() if name in self._offsets else shown[index]
+            ("", "") if name in self._offsets else shown[index]
             for name, index in zip(self.names, self._indices, strict=True)
         ]
 
@@ -146,9 +138,9 @@ def _slot(item: Item) -> Pose:
     return (x, y, item.slot[2]), (0.0, 0.0, math.sin(half), math.cos(half))
 
 
-def _appearance(link: DescribedLink) -> Appearance:
+def _appearance(link: DescribedLink) -> tuple[str, str]:
     colours = (_text(seen.rgba[:3]) for seen in link.visuals if seen.rgba is not None)
-    return Appearance("; ".join(map(_shape, link.collisions)), next(colours, ""))
+    return "; ".join(map(_shape, link.collisions)), next(colours, "")
 
 
 def _shape(shape: Shape) -> str:

@@ -12,22 +12,8 @@ import numpy as np
 from stepbus_plant.geometry import Array, Geometry, Pose, rotation
 from stepbus_plant.noise import Errors
 from stepbus_plant.physics import Physics
-from stepbus_plant.world_sensors import (
-    WORLD,
-    ImuSettings,
-    LidarSettings,
-    TransformSettings,
-    WrenchSettings,
-)
-from stepbus_schemas import (
-    Description,
-    Imu,
-    LaserScan,
-    Point,
-    Quaternion,
-    Transforms,
-    Wrench,
-)
+from stepbus_plant.world import WORLD, ImuSettings, LidarSettings, TransformSettings, WrenchSettings
+from stepbus_schemas import Description, Imu, LaserScan, Point, Quaternion, Transforms, Wrench
 
 
 class _Disturbed:

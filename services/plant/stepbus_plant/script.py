@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from stepbus_participant import Problems, format_duration, suggest
 from stepbus_plant.devices import Devices
 from stepbus_plant.emergency import StopSwitch
-from stepbus_plant.engine import BASE, Engine, Goal, Link
+from stepbus_plant.engine import BASE, Contact, Engine, Goal, Link
 from stepbus_plant.geometry import Pose, quaternion
 from stepbus_plant.joint import Joint
 from stepbus_plant.params import Action
@@ -23,19 +23,11 @@ _OVERLAP = 2e-3
 """Deeper than that, a body has been put into another one [m]."""
 
 
-class Blow(NamedTuple):
-    """The first contact of such a body with another one; force: of its first substep [N]."""
-
-    force: float
-    one: tuple[int, int]
-    other: tuple[int, int]
-
-
 class MovingBody:
     """Moves from where it is to a pose, at constant velocities.
 
-    seconds: how long it takes. blow: the first contact, once there was one; is_told: whether it has
-    been reported.
+    seconds: duration of the motion. blow: the first contact with another body, with the force of
+    its first substep [N], once there was one; is_told: whether it has been reported.
     """
 
     def __init__(self, engine: Engine, body: int, goal: Pose, seconds: float) -> None:
@@ -49,7 +41,7 @@ class MovingBody:
         self._velocity = (vx, vy, vz)
         self._spin = engine.geometry.spin_between(self._start[1], goal[1], seconds)
         self._touched = {contact.other for contact in engine.contacts(body)}
-        self.blow: Blow | None = None
+        self.blow: Contact | None = None
         self.is_told = False
 
     @property
@@ -72,7 +64,7 @@ class MovingBody:
             if new:
                 worst = max(new, key=lambda contact: contact.force)
                 force = sum(contact.force for contact in new if contact.other == worst.other)
-                self.blow = Blow(force, worst.one, worst.other)
+                self.blow = worst._replace(force=force)
         if self.is_there:
             self._engine.put(self._body, self._goal)
 

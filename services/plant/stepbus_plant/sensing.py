@@ -19,11 +19,10 @@ Values = list[float]
 class JointSensor:
     """Reads the states of joints.
 
-    joints: those to sense, in their order. details: further ones of its
-    description. seed: of the
-    noise; each quantity has its own random stream, so that the noise on one does not change the
-    noise on another. efforts: torques of the latest step [N·m], where the engine does not know them
-    after a restart from a checkpoint; else empty.
+    joints: sensed joints, in order. details: added to the description. seed: of the noise; each
+    quantity has its own random stream, so that the noise on one does not change the noise on
+    another. efforts: torques of the latest step [N·m] after a restart from a checkpoint, which the
+    engine does not know then; else empty.
     """
 
     def __init__(

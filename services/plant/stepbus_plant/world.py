@@ -14,6 +14,7 @@ from stepbus_participant import (
     Duration,
     File,
     Finite,
+    Names,
     NonNegative,
     Own,
     Plugin,
@@ -24,17 +25,13 @@ from stepbus_participant import (
     parameters,
 )
 from stepbus_participant.parameters import Keys, read
-from stepbus_plant.world_sensors import (
-    ImuSettings,
-    LidarSettings,
-    TransformSettings,
-    WrenchSettings,
-)
 
 EngineName = Literal["pybullet", "mujoco"]
 Actuation = Literal["direct", "velocity_force"]
 OwnMode = Literal["torque", "velocity", "position", "teleport"]
 Pixels = Annotated[int, msgspec.Meta(ge=1, le=4096)]
+Rays = Annotated[int, msgspec.Meta(ge=1, le=10_000)]
+WORLD = "world"
 
 
 class JointSettings(Settings):
@@ -187,6 +184,108 @@ class CameraSettings(Settings):
             yield ("fov",), f"{self.fov:g} rad is half a turn or more; angles are in radians"
         if self.near >= self.far:
             yield ("near",), f"{self.near:g} m is not less than 'far', {self.far:g} m"
+
+
+class ImuErrors(Settings):
+    """Errors of an inertial unit, of each axis."""
+
+    angular_velocity: NonNegative = 0.0
+    """[rad/s]"""
+    linear_acceleration: NonNegative = 0.0
+    """[m/s²]"""
+    orientation: NonNegative = 0.0
+    """[rad]"""
+
+
+class ImuSettings(Settings):
+    """An inertial unit."""
+
+    link: str
+    """Link that carries the sensor; it measures in the frame of this link."""
+    period_ns: Duration | None = None
+    """Period of the readings, a multiple of the plant's step. Default: each step."""
+    orientation: bool = True
+    """Whether it also measures its orientation."""
+    noise: ImuErrors = ImuErrors()
+    """Standard deviation of Gaussian noise."""
+    bias: ImuErrors = ImuErrors()
+    """Standard deviation of a constant offset, drawn once per run."""
+
+
+class WrenchErrors(Settings):
+    """Errors of a force-torque sensor, of each axis."""
+
+    force: NonNegative = 0.0
+    """[N]"""
+    torque: NonNegative = 0.0
+    """[N·m]"""
+
+
+class WrenchSettings(Settings):
+    """A force-torque sensor."""
+
+    joint: str
+    """Joint that carries the sensor, of any type, including fixed."""
+    period_ns: Duration | None = None
+    """Period of the readings, a multiple of the plant's step. Default: each step."""
+    noise: WrenchErrors = WrenchErrors()
+    """Standard deviation of Gaussian noise."""
+    bias: WrenchErrors = WrenchErrors()
+    """Standard deviation of a constant offset, drawn once per run."""
+
+
+class LidarSettings(Settings):
+    """A planar lidar."""
+
+    link: str
+    """Link that carries the lidar; its rays lie in the x-y plane of the link's frame."""
+    period_ns: Duration | None = None
+    """Period of the scans, a multiple of the plant's step. Default: each step."""
+    rays: Rays = 181
+    """Number of rays."""
+    angle_min: Finite = -1.5707963267948966
+    """Angle of the first ray about z [rad]."""
+    angle_max: Finite = 1.5707963267948966
+    """Angle of the last ray [rad]."""
+    range_min: NonNegative = 0.05
+    """Smallest range that it measures [m]."""
+    range_max: Positive = 10.0
+    """Largest range that it measures [m]."""
+    noise: NonNegative = 0.0
+    """Standard deviation of Gaussian noise of each range [m]."""
+    bias: NonNegative = 0.0
+    """Standard deviation of a constant offset of all ranges, drawn once per run [m]."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield empty intervals of angles or ranges."""
+        if self.angle_min > self.angle_max:
+            yield ("angle_min",), f"{self.angle_min:g} rad is above 'angle_max', {self.angle_max:g}"
+        if self.range_min >= self.range_max:
+            yield ("range_min",), f"{self.range_min:g} m is not less than 'range_max'"
+
+
+class TransformErrors(Settings):
+    """Errors of transforms, of each axis."""
+
+    position: NonNegative = 0.0
+    """[m]"""
+    orientation: NonNegative = 0.0
+    """[rad]"""
+
+
+class TransformSettings(Settings):
+    """Transforms of links."""
+
+    links: Names
+    """Links whose frames are measured, named as in `poses`."""
+    parent: str = WORLD
+    """Reference frame: `world` or a link."""
+    period_ns: Duration | None = None
+    """Period of the readings, a multiple of the plant's step. Default: each step."""
+    noise: TransformErrors = TransformErrors()
+    """Standard deviation of Gaussian noise."""
+    bias: TransformErrors = TransformErrors()
+    """Standard deviation of a constant offset, drawn once per run."""
 
 
 class StockSettings(Settings):

@@ -1,13 +1,54 @@
-"""Reads a world file: resolves its models, and draws its stock."""
+"""Reads a world file: resolves its models, and adds the bodies of its stock."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-from stepbus_participant import Problems, format_duration
-from stepbus_participant.parameters import YamlFile
-from stepbus_plant.stock import Item, draw_items
+from stepbus_models import RobotDescription
+from stepbus_participant import Problems, Settings, is_installed, load_class
+from stepbus_participant.parameters import YamlFile, read
 from stepbus_plant.world import Body, Friction, WorldFile, read_world
+from stepbus_schemas import WiringError
+
+
+class Item(Protocol):
+    """A body that a stock adds.
+
+    name: of the body and its link. type: for the description of `Poses/1`. urdf: of one link.
+    position [m], yaw [rad]: of the body's frame in the world. slot, slot_yaw: the same where it
+    belongs, for a planogram. mass: scales the inertia of the URDF [kg]. friction,
+    spinning_friction: [-].
+    """
+
+    name: str
+    type: str
+    urdf: Path
+    position: tuple[float, float, float]
+    yaw: float
+    slot: tuple[float, float, float]
+    slot_yaw: float
+    mass: float
+    friction: float
+    spinning_friction: float
+
+
+class Stock(Protocol):
+    """A class that `stock.source` of a world file names.
+
+    World, Params: settings of the other keys of `stock`, and of the plant's `params.stock`. The
+    constructor takes both, and the seed of the run.
+    """
+
+    World: type[Settings]
+    Params: type[Settings]
+
+    def __init__(self, world: Any, params: Any, seed: int, /) -> None: ...
+
+    def items(self, problems: Problems, /) -> Sequence[Item]:
+        """Return the bodies to add; problems: of the params, to which mistakes are added."""
+        ...
 
 
 class World(WorldFile):
@@ -18,24 +59,6 @@ class World(WorldFile):
 
     source: YamlFile
     items: dict[str, Item] = {}  # noqa: RUF012  Settings copy their defaults
-
-    def physics_ns(self, period_ns: int) -> int:
-        """Return the length of a physics substep [ns].
-
-        period_ns: length of a communication step [ns]. Raises SettingsError unless the substep
-        divides the step exactly.
-        """
-        step = f"the plant's step of {format_duration(period_ns)}"
-        if self.physics_step_ns is None:
-            step_ns, rest = divmod(period_ns, self.substeps or 1)
-            if rest or not step_ns:
-                text = f"{self.substeps} substeps do not divide {step} into whole nanoseconds"
-                self.source.refuse([(("substeps",), text)])
-            return step_ns
-        if period_ns % self.physics_step_ns:
-            text = f"{format_duration(self.physics_step_ns)} does not divide {step}"
-            self.source.refuse([(("physics_step",), text)])
-        return self.physics_step_ns
 
 
 def load_world(
@@ -54,10 +77,77 @@ def load_world(
     source, content, mistakes = read_world(path)
     mistakes.refuse()
     problems = Problems(above=("params", "stock")) if problems is None else problems
-    items = draw_items(source, content, stock, seed=seed, problems=problems)
+    items = _drawn(source, content, stock, seed=seed, problems=problems)
     fields = {key: getattr(content, key) for key in content.__struct_fields__}
     fields["bodies"] = {**content.bodies, **{item.name: _body_of(item) for item in items}}
     return World(**fields, source=source, items={item.name: item for item in items})
+
+
+def fitted(item: Item, robot: RobotDescription) -> RobotDescription:
+    """Return the robot of an item with the name, mass and inertia that the item has.
+
+    Raises WiringError for a model of several links, or without a mass that can be scaled.
+    """
+    link = robot.links[robot.root]
+    inertial = link.inertial
+    if len(robot.links) > 1 or inertial is None or inertial.mass <= 0.0:
+        raise WiringError(f"{item.urdf}: an item must be one link with a mass above 0")
+    factor = item.mass / inertial.mass
+    xx, yy, zz, xy, xz, yz = (moment * factor for moment in inertial.moments)
+    scaled = replace(inertial, mass=item.mass, moments=(xx, yy, zz, xy, xz, yz))
+    links = {item.name: replace(link, name=item.name, inertial=scaled)}
+    return replace(robot, root=item.name, links=links)
+
+
+def _drawn(
+    source: YamlFile,
+    content: WorldFile,
+    params: Mapping[str, Any] | None,
+    *,
+    seed: int,
+    problems: Problems,
+) -> list[Item]:
+    """Return the items of a world file.
+
+    params: `params.stock` of the plant; problems: of it. seed: of the run.
+    Raises SettingsError that lists all mistakes.
+    """
+    if content.stock is None:
+        if params is not None:
+            problems.add((), "this world has no stock")
+            problems.refuse()
+        return []
+    wrong, name = source.problems().below(("stock",)), content.stock.source
+    folder = Path(source.file).absolute().parent
+    stock = wrong.attempt(("source",), lambda: _load(name, folder))
+    if stock is None:
+        raise wrong.error()
+    world = read(stock.World, content.stock.own, wrong, folder=folder)
+    wrong.refuse()
+    settings = read(stock.Params, params, problems)
+    problems.refuse()
+    items = list(stock(world, settings, seed).items(problems))
+    problems.refuse()
+    counts = Counter([*(item.name for item in items), *content.bodies])
+    twice = [name for name, count in counts.items() if count > 1]
+    source.refuse((("stock",), f"{name!r} names two bodies") for name in twice)
+    return items
+
+
+def _load(name: str, folder: Path) -> type[Stock]:
+    """Return the class of a stock.
+
+    Recordings hold world files: only what a recording holds too, or an installed package declares,
+    may be imported for one.
+    """
+    module = name.rpartition(":")[0]
+    is_beside = module.endswith(".py") and "/" not in module
+    if not (is_beside or is_installed(module)):
+        raise WiringError(
+            f"{name!r} must be a class in a file beside the world file, or in a package that "
+            "declares participants"
+        )
+    return load_class(name, folder)
 
 
 def _body_of(item: Item) -> Body:
