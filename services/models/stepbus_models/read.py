@@ -12,7 +12,7 @@ from stepbus_participant import need, package_folder, package_path, read_file, r
 from stepbus_schemas import WiringError
 
 from .description import RobotDescription
-from .urdf import Element, parse, read_urdf
+from .urdf import parse, read_urdf
 
 _XACRO = re.compile(r"<xacro:\w|=[\"'][^\"'<>]*\$(\{|\((find|arg|eval|dirname)\b)")
 """What no URDF has, but a xacro file under its name."""
@@ -29,7 +29,10 @@ def read_robot(path: Path) -> RobotDescription:
     text = _expanded(path) if is_made else _text(path)
     if not is_made and _XACRO.search(_COMMENT.sub("", text)):
         text, is_made = _expanded(path), True
-    root = _parsed(path, text)
+    try:
+        root = parse(text)
+    except ExpatError as exc:
+        raise WiringError(f"{path}:{exc.lineno}: is not XML: {exc}") from exc
     if root.tag == "mujoco":
         need(str(path), "mujoco")
         from .mjcf import read_mjcf  # noqa: PLC0415  an optional package
@@ -48,13 +51,6 @@ def _text(path: Path) -> str:
         raise WiringError(f"cannot read {path}: {exc.strerror}") from exc
     except UnicodeDecodeError as exc:
         raise WiringError(f"{path} is not UTF-8 text (byte {exc.start})") from exc
-
-
-def _parsed(path: Path, text: str) -> Element:
-    try:
-        return parse(text)
-    except ExpatError as exc:
-        raise WiringError(f"{path}:{exc.lineno}: is not XML: {exc}") from exc
 
 
 # --- xacro ------------------------------------------------------------------------------------

@@ -168,7 +168,7 @@ class Commander:
         self.state.mode = mode
 
     def _positions(self) -> list[float]:
-        return [self._physics.position(joint) for joint in self._joints]
+        return [self._physics.state(joint)[0] for joint in self._joints]
 
     def _teleport(self, command: JointCommand) -> None:
         velocities = command.velocity or [0.0] * len(self._joints)

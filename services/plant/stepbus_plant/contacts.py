@@ -110,14 +110,11 @@ class ContactSensor:
         if (errors.gain or errors.noise) and self._near:
             self._skin = Skin(links, errors, Noise(seed, "proximity", name))
             engine.update_shapes()
-            self._stands = self._ground()
-
-    def _ground(self) -> set[tuple[Link, Link]]:
-        """Return what the robot stands on, for the links that are near it: that is nothing new."""
-        closest = self._engine.closest
-        ground = {row.other for link in self._near for row in closest(link, _STANDS_ON)}
-        near = ((link, row.other) for link in self._near for row in closest(link, self._within))
-        return {(link, other) for link, other in near if other in ground}
+            # What the robot stands on is nothing new to the links that are near it.
+            closest = engine.closest
+            ground = {row.other for link in self._near for row in closest(link, _STANDS_ON)}
+            near = ((link, row.other) for link in self._near for row in closest(link, within))
+            self._stands = {(link, other) for link, other in near if other in ground}
 
     def save(self) -> Any:
         """Return what has pressed since the latest reading, for a checkpoint."""

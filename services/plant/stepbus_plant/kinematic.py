@@ -60,19 +60,16 @@ class Kinematics:
         pressed: dict[tuple[Link, Link], float] = {}
         for name, grip in self._grips.items():
             fingers = grippers[name].fingers
-            self._carry(grip, fingers[0])
+            geometry, frame = self._engine.geometry, self._engine.frame(fingers[0])
+            if grip.pose is None:
+                centre = self._engine.centre(grip.thing[0])
+                grip.pose = geometry.compose(geometry.inverse(frame), centre)
+            self._engine.put_centre(grip.thing[0], geometry.compose(frame, grip.pose))
             pressed |= {(finger, grip.thing): FORCE_WITHOUT_DYNAMICS for finger in fingers}
         for sensor in self._devices.contacts.values():
             sensor.press(pressed, dt)
         # Contacts and cameras read what the engine keeps for each link.
         self._engine.update_shapes()
-
-    def _carry(self, grip: _Grip, finger: Link) -> None:
-        geometry, frame = self._engine.geometry, self._engine.frame(finger)
-        if grip.pose is None:
-            centre = self._engine.centre(grip.thing[0])
-            grip.pose = geometry.compose(geometry.inverse(frame), centre)
-        self._engine.put_centre(grip.thing[0], geometry.compose(frame, grip.pose))
 
     def _next_states(self, dt: float) -> _States:
         states = {}

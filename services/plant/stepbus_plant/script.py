@@ -9,7 +9,6 @@ from stepbus_plant.devices import Devices
 from stepbus_plant.emergency import StopSwitch
 from stepbus_plant.engine import BASE, Contact, Engine, Goal, Link
 from stepbus_plant.geometry import Pose, quaternion
-from stepbus_plant.joint import Joint
 from stepbus_plant.params import Action
 from stepbus_plant.physics import Physics
 from stepbus_schemas import Point
@@ -131,7 +130,9 @@ class Script:
         if action.body is not None and action.to is not None and action.over_ns is not None:
             return self._send_body(action.body, action.to, action.over_ns, action.orientation_rpy)
         if action.jam is not None:
-            return self._jam(self._physics.joints[action.jam])
+            joint = self._physics.joints[action.jam]
+            position = self.jammed.setdefault(joint.name, self._physics.state(joint)[0])
+            return f"joint {joint.name} jammed at {position:.6g} {joint.unit}"
         off = action.off is not False
         self._devices.switch_camera(str(action.camera), on=not off)
         return f"camera {action.camera} was switched {'off' if off else 'on'}"
@@ -184,11 +185,6 @@ class Script:
                 self.record(t_ns, text)
             if moving.is_there:
                 del self._moving[name]
-
-    def _jam(self, joint: Joint) -> str:
-        """Lock a joint at its current position."""
-        position = self.jammed.setdefault(joint.name, self._physics.state(joint)[0])
-        return f"joint {joint.name} jammed at {position:.6g} {joint.unit}"
 
     def carry(self) -> None:
         """Put the bodies that move where they are in a substep."""
