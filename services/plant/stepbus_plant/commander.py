@@ -167,9 +167,6 @@ class Commander:
                 self._reject(f"joint {joint.name} is already driven by input {owner!r}")
         self.state.mode = mode
 
-    def _positions(self) -> list[float]:
-        return [self._physics.state(joint)[0] for joint in self._joints]
-
     def _teleport(self, command: JointCommand) -> None:
         velocities = command.velocity or [0.0] * len(self._joints)
         for joint, position in zip(self._joints, command.values, strict=True):
