@@ -19,15 +19,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
-from stepbus_schemas import (
-    SPOKEN,
-    Description,
-    Envelope,
-    Protocols,
-    Refusal,
-    Welcome,
-    WiringError,
-)
+from stepbus_schemas import SPOKEN, Description, Envelope, Protocols, Refusal, Welcome, WiringError
 from stepbus_tools.conformance.feeds import Feed
 
 

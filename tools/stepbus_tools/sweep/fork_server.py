@@ -18,9 +18,8 @@ from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
 from pkgutil import resolve_name
 
-import msgspec
-
 from stepbus_participant import is_ours
+from stepbus_schemas import error_text
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.pool import PoolOptions, run_point
 from stepbus_tools.sweep.row_run import plot_run
@@ -39,7 +38,7 @@ def serve(channel: Connection) -> None:
             trials = stack.enter_context(Trials(bundle, keep=options.keep, home=options.home))
             error = _load(trials)
         except Exception as exc:  # noqa: BLE001  (the caller reports it)
-            error = str(exc)
+            error = str(exc) or error_text(exc)
         channel.send(error)
         while not error:
             ready = wait([channel, *children])
@@ -83,13 +82,7 @@ def _threads(trials: Trials) -> bytes:
 
 
 def _run(trials: Trials, point: Point, options: PoolOptions) -> tuple[bytes, str]:
-    """Run a point; return its row as JSON.
-
-    A run that takes longer than `timeout_s` ends the process: the kernel's timer does so even if
-    the run hangs in C.
-    """
-    signal.setitimer(signal.ITIMER_REAL, options.timeout_s)
-    return msgspec.json.encode(run_point(trials, point)[0]), ""
+    return run_point(trials, point, options)[0], ""
 
 
 def _plot(options: PoolOptions, number: int, picture: Path) -> tuple[bytes, str]:
@@ -108,7 +101,7 @@ def _fork(work: Callable[[], tuple[bytes, str]]) -> tuple[Connection, int]:
                 try:
                     result = work()
                 except Exception as exc:  # noqa: BLE001  (the caller reports it)
-                    result = b"", str(exc)
+                    result = b"", str(exc) or error_text(exc)
                 sink.send(result)
         finally:
             os._exit(0)

@@ -4,6 +4,7 @@ A point whose process dies is run again; nothing else is lost.
 """
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -152,7 +153,15 @@ def _done(task: _Task, answer: Answer, options: PoolOptions) -> Done | None:
     return task.counted(row), files
 
 
-def run_point(trials: Trials, point: Point) -> Done:
-    """Run a point in a worker; return its row, and the files of a run to keep."""
-    row, files = trials.run(point)
-    return msgspec.structs.replace(row, where=os.uname().nodename), files
+def run_point(trials: Trials, point: Point, options: PoolOptions) -> tuple[bytes, Files]:
+    """Run a point in a worker; return its row as JSON, and the files of a run to keep.
+
+    A run that takes longer than `timeout_s` ends the process: the kernel's timer does so even if
+    the run hangs in C.
+    """
+    signal.setitimer(signal.ITIMER_REAL, options.timeout_s)
+    try:
+        row, files = trials.run(point)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    return msgspec.json.encode(msgspec.structs.replace(row, where=os.uname().nodename)), files

@@ -2,7 +2,6 @@
 
 import logging
 import os
-import signal
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ import msgspec
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes import PYTHON
 from stepbus_participant import need
+from stepbus_schemas import error_text
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle
 from stepbus_tools.sweep.pool import Answer, PoolOptions, run_point
@@ -24,19 +24,10 @@ _START_S = 60.0
 
 
 def _run(bundle: Bundle, point: Point, options: PoolOptions) -> tuple[bytes, Files]:
-    """Run a point in a process of Ray; return its row as JSON, and the files of a run to keep.
-
-    A run that takes longer than `timeout_s` ends the process: the kernel's timer does so even if
-    the run hangs in C.
-    """
-    signal.setitimer(signal.ITIMER_REAL, options.timeout_s)
-    try:
-        # On a cluster, a folder of that name is another folder on another machine.
-        with Trials(bundle, keep=options.keep, home=None) as trials:
-            row, files = run_point(trials, point)
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-    return msgspec.json.encode(row), files
+    """Run a point in a process of Ray, as of `run_point`."""
+    # On a cluster, a folder of that name is another folder on another machine.
+    with Trials(bundle, keep=options.keep, home=None) as trials:
+        return run_point(trials, point, options)
 
 
 def _check(bundle: Bundle) -> None:
@@ -82,8 +73,10 @@ class RayWorkers:
             remote = ray.remote(num_cpus=1, max_retries=0)
             self._remote = remote(_run)
             ray.get(remote(_check).remote(self._stored), timeout=_START_S)
-        except ray.exceptions.RayError as exc:
+        except BaseException as exc:
             ray.shutdown()
+            if not isinstance(exc, ray.exceptions.RayError):
+                raise
             why = getattr(exc, "cause", exc)
             if isinstance(exc, ray.exceptions.GetTimeoutError):
                 why = f"none within {_START_S:.0f} s; is a core free? See `ray status`"
@@ -120,7 +113,7 @@ class RayWorkers:
         try:
             row, files = self._ray.get(reference)
         except errors.RayTaskError as exc:
-            return Answer(error=str(exc.cause))
+            return Answer(error=error_text(exc.cause))
         except errors.RayError:
             return Answer()
         return Answer((msgspec.json.decode(row, type=ResultRow), files))

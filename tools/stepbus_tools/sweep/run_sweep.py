@@ -12,12 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.errors import (
-    ExitCode,
-    Interrupted,
-    OutputExists,
-    RecordingFailed,
-)
+from stepbus_orchestrator.errors import ExitCode, Interrupted, OutputExists, RecordingFailed
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
@@ -27,13 +22,7 @@ from stepbus_tools.sweep.optimize import Optimizer
 from stepbus_tools.sweep.pool import PoolOptions, open_workers, run_points
 from stepbus_tools.sweep.row_run import SOURCE_FOLDER
 from stepbus_tools.sweep.rows import TABLE_FILE, Journal, ResultRow, write_table
-from stepbus_tools.sweep.spec import (
-    SPEC_FILE,
-    Plan,
-    differences,
-    load_spec,
-    save_spec,
-)
+from stepbus_tools.sweep.spec import SPEC_FILE, Plan, differences, load_spec, save_spec
 from stepbus_tools.sweep.sweep_page import PAGE_FILE, extremes, write_page
 from stepbus_tools.sweep.trial import write_run
 

@@ -42,7 +42,10 @@ class Trials:
         self._bundle = bundle
         self._keep = keep
         self._home = home
-        self._folder = Path(tempfile.mkdtemp(prefix="stepbus-sweep-"))
+        self._temporary = tempfile.TemporaryDirectory(
+            prefix="stepbus-sweep-", ignore_cleanup_errors=True
+        )
+        self._folder = Path(self._temporary.name)
         self._source = self._folder / "source"
         self._scenario = bundle.unpack(self._source)
         self._metrics: Metrics | None = None
@@ -53,7 +56,7 @@ class Trials:
 
     def __exit__(self, *_: object) -> None:
         """Remove the folder."""
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._temporary.cleanup()
 
     def classes(self) -> list[str]:
         """Return the classes of the scenario's participants, as `module:Class`."""

@@ -21,12 +21,7 @@ from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.stage.curves import Data, Signal
 from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Framing, Stage, add_light
-from stepbus_tools.viewing.stage.view import (
-    View,
-    failure_banner,
-    plain_topics,
-    stop_banner,
-)
+from stepbus_tools.viewing.stage.view import View, failure_banner, plain_topics, stop_banner
 from stepbus_tools.viewing.viewpoint import swept
 
 _SAMPLES = 400

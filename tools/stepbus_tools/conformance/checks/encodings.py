@@ -9,13 +9,7 @@ import msgspec
 
 from stepbus_orchestrator.analysis.tolerance import FieldTolerance, differences
 from stepbus_schemas import Description, encode
-from stepbus_tools.conformance.feeds import (
-    edited,
-    plain,
-    reverse,
-    reverse_description,
-    vectors_of,
-)
+from stepbus_tools.conformance.feeds import edited, plain, reverse, reverse_description, vectors_of
 from stepbus_tools.conformance.kit import Kit, check
 from stepbus_tools.conformance.outcome import Skipped
 from stepbus_tools.conformance.transcript import Transcript

@@ -11,13 +11,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import PortInfo, Recording
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, JointReference, JointState, Message
-from stepbus_tools.viewing.exports.exporter import (
-    NS,
-    Exported,
-    Reached,
-    readable_ports,
-    thinned,
-)
+from stepbus_tools.viewing.exports.exporter import NS, Exported, Reached, readable_ports, thinned
 from stepbus_tools.viewing.render import jpeg
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose

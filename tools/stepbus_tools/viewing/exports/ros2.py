@@ -14,13 +14,7 @@ import numpy as np
 from stepbus_orchestrator.recording import Recording
 from stepbus_participant import need
 from stepbus_tools.columns import distinct
-from stepbus_tools.viewing.exports.exporter import (
-    Exported,
-    Rate,
-    Reached,
-    instants,
-    readable_ports,
-)
+from stepbus_tools.viewing.exports.exporter import Exported, Rate, Reached, instants, readable_ports
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.scene import Latest
 from stepbus_tools.whole_file import replaced
