@@ -61,7 +61,8 @@ class Painter:
 
     def __del__(self) -> None:
         """Let go of the display, before MuJoCo does so in whichever context is current."""
-        self.close()
+        if not sys.is_finalizing():
+            self.close()
 
     def image(
         self, size: tuple[int, int], view: Array, projection: Array, light: Light
