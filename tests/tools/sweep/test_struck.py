@@ -149,7 +149,6 @@ def test_a_run_whose_process_dies_is_made_again(tmp_path: Path) -> None:
     with running(tmp_path, "--set", "duration=20s", "--jobs", "1") as (process, _):
         (server,) = psutil.Process(process.pid).children()
         before = server.children()
-        # One that has just started is far from its row.
         wait_for(lambda: [child for child in server.children() if child not in before])
         next(child for child in server.children() if child not in before).kill()
         wait_for(lambda: len(journal_of(tmp_path)) >= 3)
