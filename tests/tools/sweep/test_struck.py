@@ -183,3 +183,26 @@ def running(folder: Path, *words: str, **variables: str) -> Iterator[tuple[Popen
             yield process, errors
         finally:
             process.kill()
+
+
+def test_ctrl_c_ends_a_sweep_whose_metric_hangs_when_it_is_imported(tmp_path: Path) -> None:
+    (tmp_path / "temporary").mkdir()
+    (tmp_path / "my.py").write_text(
+        "import pathlib, time\n"
+        f"pathlib.Path({str(tmp_path / 'waits')!r}).touch()\n"
+        "time.sleep(1000)\n\n\ndef mine(recording):\n    return {}\n"
+    )
+    words = ["sweep", "two_link", "--vary", "seed=1,2", "--metric", "my.py:mine", "--out", "sweep"]
+    environment = {**os.environ, "TMPDIR": str(tmp_path / "temporary")}
+    with Popen(
+        [*STEPBUS, *words], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
+    ) as process:
+        wait_for((tmp_path / "waits").exists)
+        family = psutil.Process(process.pid).children(recursive=True)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted before the first run" in errors
+    _, alive = psutil.wait_procs(family, timeout=10)
+    assert not alive
+    assert list((tmp_path / "temporary").iterdir()) == []

@@ -36,7 +36,9 @@ def serve(channel: Connection) -> None:
         stack.callback(_end, children)
         try:
             trials = stack.enter_context(Trials(bundle, keep=options.keep, home=options.home))
-            error = _load(trials)
+            error = _load(trials, channel, children)
+        except EOFError:
+            return
         except Exception as exc:  # noqa: BLE001  (the caller reports it)
             error = str(exc) or error_text(exc)
         channel.send(error)
@@ -57,18 +59,21 @@ def serve(channel: Connection) -> None:
                         children[source] = pid, number
 
 
-def _load(trials: Trials) -> str:
+def _load(trials: Trials, channel: Connection, children: dict[Connection, tuple[int, int]]) -> str:
     """Load what the runs need; return why they cannot have it, or an empty text.
 
     The user's metrics are tried in a fork: one that starts a thread is loaded by each run, since a
-    process with threads must not fork.
+    process with threads must not fork. Raises EOFError where the other end is closed meanwhile.
     """
     for name in filter(is_ours, trials.classes()):
         # A run that needs it says what is wrong.
         with contextlib.suppress(Exception):
             resolve_name(name)
     source, pid = _fork(lambda: (_threads(trials), ""))
-    threads, error = _answer(source, pid)
+    children[source] = pid, -1
+    if channel in wait([channel, source]):
+        raise EOFError
+    threads, error = _answer(source, children.pop(source)[0])
     if threads == b"1":
         trials.load_metrics()
     # A child that changes the count of references to something copies its page.

@@ -18,7 +18,7 @@ from stepbus_orchestrator.processes import PYTHON
 from stepbus_orchestrator.scenario.program import PYTHON as INTERPRETER
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle
-from stepbus_tools.sweep.pool import WAIT_S, Answer, PoolOptions
+from stepbus_tools.sweep.pool import WAIT_S, Answer, PoolOptions, wait_for_start
 from stepbus_tools.sweep.rows import ResultRow
 
 _COMMAND = (*INTERPRETER, "-m", "stepbus_tools.sweep.fork_server")
@@ -37,8 +37,9 @@ class LocalWorkers:
     loaded.
     """
 
-    def __init__(self, bundle: Bundle, options: PoolOptions) -> None:
+    def __init__(self, bundle: Bundle, options: PoolOptions, interrupt: threading.Event) -> None:
         self._options = options
+        self._interrupt = interrupt
         self._first = bundle, options
         self._is_asked = False
 
@@ -63,9 +64,8 @@ class LocalWorkers:
         with contextlib.ExitStack() as stack:
             stack.callback(self._end)
             self._send(self._first)
-            is_loaded = self._channel.poll(_LOAD_S)
-            error = self._received() if is_loaded else f"none within {_LOAD_S:.0f} s"
-            if error:
+            wait_for_start(self._channel.poll, _LOAD_S, self._interrupt)
+            if error := self._received():
                 raise StartFailed(f"could not start a worker: {error}")
             stack.pop_all()
         return self

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 import msgspec
 
-from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.errors import ExitCode, Interrupted, StartFailed
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle
 from stepbus_tools.sweep.rows import ResultRow, failed_row
@@ -77,20 +77,40 @@ class Workers(Protocol):
         """Make runs again, and plot them; pictures: number of the run → its picture."""
 
 
-def open_workers(bundle: Bundle, options: PoolOptions) -> AbstractContextManager[Workers]:
+def open_workers(
+    bundle: Bundle, options: PoolOptions, interrupt: threading.Event
+) -> AbstractContextManager[Workers]:
     """Start workers; those that have started end with the context.
 
     Raises StartFailed where they do not start or a metric cannot be loaded, ExtraMissing where
-    there is an address and Ray is not installed.
+    there is an address and Ray is not installed, Interrupted where that is set meanwhile.
     """
     options = replace(options, home=options.home.resolve())
     if options.address:
         from stepbus_tools.sweep.ray_workers import RayWorkers  # noqa: PLC0415  (an extra)
 
-        return RayWorkers(bundle, options)
+        return RayWorkers(bundle, options, interrupt)
     from stepbus_tools.sweep.local_workers import LocalWorkers  # noqa: PLC0415  (imports this)
 
-    return LocalWorkers(bundle, options)
+    return LocalWorkers(bundle, options, interrupt)
+
+
+def wait_for_start(
+    is_ready: Callable[[float], bool], limit_s: float, interrupt: threading.Event
+) -> None:
+    """Wait until workers have started; is_ready: waits for so long itself [s].
+
+    Raises StartFailed after `limit_s`, and Interrupted.
+    """
+    end = time.monotonic() + limit_s
+    while not is_ready(WAIT_S):
+        if interrupt.is_set():
+            raise Interrupted("interrupted before the first run; run the same command again")
+        if time.monotonic() > end:
+            raise StartFailed(
+                f"no worker has started within {limit_s:.0f} s; is a core free, and does a metric "
+                "wait for something when it is imported?"
+            )
 
 
 @dataclass

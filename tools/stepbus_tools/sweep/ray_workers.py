@@ -15,7 +15,7 @@ from stepbus_participant import need
 from stepbus_schemas import error_text
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle
-from stepbus_tools.sweep.pool import Answer, PoolOptions, run_point
+from stepbus_tools.sweep.pool import Answer, PoolOptions, run_point, wait_for_start
 from stepbus_tools.sweep.row_run import plot_run
 from stepbus_tools.sweep.rows import ResultRow
 from stepbus_tools.sweep.trial import Files, Trials
@@ -43,8 +43,9 @@ class RayWorkers:
     or a metric cannot be loaded.
     """
 
-    def __init__(self, bundle: Bundle, options: PoolOptions) -> None:
+    def __init__(self, bundle: Bundle, options: PoolOptions, interrupt: threading.Event) -> None:
         self._bundle = bundle
+        self._interrupt = interrupt
         self._options = options
         (self._ray,) = need("a sweep with an address", "ray")
 
@@ -72,15 +73,18 @@ class RayWorkers:
             self._stored = ray.put(self._bundle)
             remote = ray.remote(num_cpus=1, max_retries=0)
             self._remote = remote(_run)
-            ray.get(remote(_check).remote(self._stored), timeout=_START_S)
+            checked = remote(_check).remote(self._stored)
+            wait_for_start(
+                lambda s: bool(ray.wait([checked], timeout=s)[0]), _START_S, self._interrupt
+            )
+            ray.get(checked)
         except BaseException as exc:
             ray.shutdown()
             if not isinstance(exc, ray.exceptions.RayError):
                 raise
-            why = getattr(exc, "cause", exc)
-            if isinstance(exc, ray.exceptions.GetTimeoutError):
-                why = f"none within {_START_S:.0f} s; is a core free? See `ray status`"
-            raise StartFailed(f"could not start a worker: {why}") from exc
+            raise StartFailed(
+                f"could not start a worker: {getattr(exc, 'cause', exc)}; see `ray status`"
+            ) from exc
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -168,7 +168,7 @@ class _Sweep:
             self._count(row)
         if self._resumed < self._total:
             self._report("starting workers")
-            with open_workers(self._bundle, self._options) as self._workers:
+            with open_workers(self._bundle, self._options, interrupt) as self._workers:
                 self._began_runs = time.monotonic()
                 self._run_missing(interrupt)
                 write_table(journal, self._paths, self._home)
