@@ -10,13 +10,13 @@ import pytest
 from support.paths import CHECKOUT
 from support.tools import needs
 
-from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.conformance import conformance, select
+from stepbus_tools.signals import read_tracking
 
 EXAMPLE = CHECKOUT / "examples" / "controllers" / "rust"
 CRATE = CHECKOUT / "clients" / "rust"

@@ -6,11 +6,11 @@ import pytest
 from support.paths import DOCS
 from support.tools import needs
 
-from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
+from stepbus_tools.signals import read_tracking, tracking_rmse
 
 PAGE = (DOCS / "guide/getting_started.md").read_text(encoding="utf-8")
 

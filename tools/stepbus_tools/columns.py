@@ -13,9 +13,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Batch, Port, PortInfo, Recording
 from stepbus_schemas import MessageError, parts_of, row_of
+from stepbus_tools.signals import Array
 
 ColumnType = Literal[
     "double", "int64", "bool", "string", "binary", "list<double>", "list<int64>", "json"

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError
+from stepbus_tools.signals import Array
 from stepbus_tools.sweep.sweep_metrics import UNITS, builtin_metrics
 
 from .columns import NUMBERS, Cells, Column, ColumnType, Table, readable

@@ -7,7 +7,6 @@ import pytest
 from support.runs.patience import patient
 
 from stepbus_orchestrator import cli
-from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -15,6 +14,7 @@ from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_participant.parameters import parse_yaml
+from stepbus_tools.signals import read_tracking, tracking_rmse
 
 SIDES = ("left", "right")
 DEVICES = {

@@ -2,12 +2,12 @@
 
 import pytest
 
-from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.run_lines import after_run
+from stepbus_tools.signals import read_tracking, tracking_rmse
 
 JOINTS = ["left/joint1", "left/joint2", "right/joint1", "right/joint2"]
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
+from stepbus_tools.signals import read_tracking, tracking_rmse
 
 # rad, joints 1 and 2, after 2 s: ../shared/robots.md; to be met within 20 %.
 FIGURES = {

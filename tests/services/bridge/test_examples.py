@@ -8,13 +8,13 @@ import pytest
 from support.paths import CHECKOUT
 from support.tools import needs
 
-from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
+from stepbus_tools.signals import read_tracking
 
 EXAMPLES = CHECKOUT / "examples/controllers"
 TOOLS = {"c": ("cc", "make"), "javascript": ("node",)}

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from stepbus_orchestrator.analysis.signals import Signal, Tracking
 from stepbus_schemas import (
     JointCommand,
     JointReference,
     JointState,
 )
 from stepbus_tools.report.curves import JointCurves
+from stepbus_tools.signals import Signal, Tracking
 
 
 def arm(mode="position", **state):

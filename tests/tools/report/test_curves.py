@@ -8,10 +8,10 @@ import pytest
 from support.messages.recordings import write
 from support.runs.panels import curves, lines, reference
 
-from stepbus_orchestrator.analysis.signals import TrackingError, tracking_pieces
 from stepbus_orchestrator.recording import Recording, source
 from stepbus_schemas import JointCommand, JointState
 from stepbus_tools.report.curves import Curve, JointCurves
+from stepbus_tools.signals import TrackingError, tracking_pieces
 
 
 def curve(count, piece, columns=1):

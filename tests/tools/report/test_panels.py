@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from support.runs.panels import arm, curves, reference, sliding
 
-from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking
 from stepbus_schemas import BaseState, GripperState
 from stepbus_tools.columns import readable
 from stepbus_tools.report.charts import Chart, ChartLine, all_joints
 from stepbus_tools.report.curves import PortCurves, read_ports
 from stepbus_tools.report.picture import draw, port_charts
 from stepbus_tools.run_lines import after_run
+from stepbus_tools.signals import Signal, Tracking, read_tracking
 
 
 def mobile():

@@ -5,11 +5,11 @@ import sys
 
 from support.runs.panels import arm, reference, sliding
 
-from stepbus_orchestrator.analysis.signals import tracking_rmse
 from stepbus_participant import extra_hint
 from stepbus_schemas import JointState
 from stepbus_tools.report.summary import read_joints, tracking_lines
 from stepbus_tools.run_lines import after_run
+from stepbus_tools.signals import tracking_rmse
 
 
 def test_nothing_loads_matplotlib_before_it_plots():

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.analysis.signals import Array, Signal, Tracking
 from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_schemas import StepbusError
 from stepbus_tools.columns import Table
+from stepbus_tools.signals import Array, Signal, Tracking
 
 Line = tuple[Array, Array]
 """Times [s] and values, both of shape (p,)."""

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import WiringError
 from stepbus_tools.report.charts import Chart, ChartLine, Mark, Role, find_signals
 from stepbus_tools.report.picture import save
+from stepbus_tools.signals import read_tracking
 
 _MOST_VARIANTS = 4
 _BEFORE = 0.1

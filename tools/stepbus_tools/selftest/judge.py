@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from stepbus_orchestrator.analysis.signals import Array, Signal
 from stepbus_tools.selftest.tester import TestedJoint, Trial
+from stepbus_tools.signals import Array, Signal
 
 # How far from its goal a joint may end, and how far another may move meanwhile [rad, m].
 _CLOSE = {True: math.radians(0.5), False: 0.0005}

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import msgspec
 from msgspec import structs
 
-from stepbus_orchestrator.analysis.signals import read_signal
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.describe import describe
 from stepbus_orchestrator.run.folder import scratch_folder
@@ -19,6 +18,7 @@ from stepbus_orchestrator.scenario.ports import InputSpec, OutputSpec
 from stepbus_schemas import Description, WiringError
 from stepbus_tools.selftest.judge import Verdict, best, judge
 from stepbus_tools.selftest.tester import by_mode, make_plan, read_joints
+from stepbus_tools.signals import read_signal
 
 _COMMAND, _STATE, _EVENT = "JointCommand/1", "JointState/1", "Event/1"
 _TESTER = "selftest"

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking, tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import RunError, error_text
+from stepbus_tools.signals import Signal, Tracking, read_tracking, tracking_rmse
 
 Array = NDArray[np.float64]
 Metric = Callable[[Recording], Any]

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from support.store_paths import SCENARIOS
 
-from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_tools.report.curves import JointCurves
+from stepbus_tools.signals import read_tracking
 
 WORLD = SCENARIOS / "baxter/world.yaml"
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")

@@ -9,11 +9,11 @@ import pytest
 from mcap.writer import CompressionType
 from support.messages.recordings import chunks, rewrite, write
 
-from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, recover
 from stepbus_orchestrator.recording.layout import channel_metadata
 from stepbus_schemas import Description, Event, Image, JointState, WiringError
+from stepbus_tools.signals import read_tracking
 
 PIXELS = {"width": 200, "height": 200, "focal": (1.0, 1.0), "centre": (0.0, 0.0)}
 IMAGE = Image(encoding="rgb8", data=os.urandom(120_000), **PIXELS)

@@ -6,12 +6,12 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
+from stepbus_tools.signals import read_tracking
 
 SCENARIO = """
 name: mistakes

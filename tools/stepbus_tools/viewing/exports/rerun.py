@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_orchestrator.run.result import result_beside
@@ -21,6 +20,7 @@ from stepbus_participant import need
 from stepbus_schemas import Event, Image, StepbusError
 from stepbus_tools.columns import LISTS, Field, Table, pieces
 from stepbus_tools.report.summary import scenario_name
+from stepbus_tools.signals import Array
 from stepbus_tools.viewing.exports.exporter import (
     Exported,
     Instant,

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.analysis.signals import Array, Signal, read_signal
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.recording.layout import split_topic
 from stepbus_schemas import Description, Goal
+from stepbus_tools.signals import Array, Signal, read_signal
 
 STATE, COMMAND, REFERENCE = "JointState/1", "JointCommand/1", "JointReference/1"
 _TOLERANCE = 1e-6

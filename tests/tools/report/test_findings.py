@@ -8,7 +8,6 @@ from support.messages.recordings import write
 from support.paths import GOLDEN_LOGS, TESTS
 
 from stepbus_orchestrator import cli
-from stepbus_orchestrator.analysis.findings import Count, findings
 from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
@@ -16,6 +15,7 @@ from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import Description, Goal, JointState
+from stepbus_tools.report.findings import Count, findings
 
 DELAYED = "plant.inputs.command={from: controller.command, delay: 1}"
 
