@@ -14,6 +14,7 @@ from unittest.mock import patch
 from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.extensions.safe_stop import SafeStop
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run import Run
@@ -293,7 +294,9 @@ class _Watch(RunExtension):
     @property
     def held(self) -> tuple[int, int]:
         """Return the first step for which a participant was replaced, and the end of the run."""
-        return (0, 0) if self._run is None else self._run.safe_stop.replaced_steps
+        extensions = () if self._run is None else self._run.extensions
+        steps = (item.replaced_steps for item in extensions if isinstance(item, SafeStop))
+        return next(steps, (0, 0))
 
     @property
     def step(self) -> int:

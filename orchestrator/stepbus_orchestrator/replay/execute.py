@@ -23,7 +23,7 @@ from stepbus_orchestrator.recording import (
 )
 from stepbus_orchestrator.recording.layout import Source
 from stepbus_orchestrator.replay.prepare import Prepared, prepare, shorten
-from stepbus_orchestrator.replay.recorded import Ports, recorded_descriptions
+from stepbus_orchestrator.replay.recorded import recorded_descriptions
 from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.replay.trust import find_source, programs_of
@@ -34,6 +34,7 @@ from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import at
+from stepbus_orchestrator.run.player import Ports
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, partly_recorded
@@ -58,8 +59,6 @@ class Replayed(Repetition):
 
     Raises ParticipantFault for a message that is not of its port's type.
     """
-
-    is_star = True
 
     def __init__(
         self,
@@ -254,7 +253,7 @@ def _run(
     folder: gets the participant's log.
     """
     name, recording = replayed.spec.name, replayed.recording
-    host = Processes(start_order=[name])
+    host = Processes(start_order=[name], is_star=True)
     run = Run(
         scenario,
         sink,

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -11,8 +12,9 @@ from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.state import at as at_step
+from stepbus_orchestrator.run.player import Put
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import CheckpointOrder
+from stepbus_participant import CheckpointOrder, Sample
 
 WINDOW = 256
 """How many steps participants may be apart while each repeats its own [steps]."""
@@ -29,13 +31,14 @@ _WHY_RESTORED = (
 class RecordedPrefix(Repetition):
     """The steps of a recording below `at`, as the beginning of a run.
 
+    Participants are linked to the orchestrator only. So each gets its recorded inputs, ahead and
+    whatever the others do; from the first live step on, the outputs of its sources are passed on.
+
     restored: participants that start from a checkpoint before a step below `at`. took_s: how long
     the run took to get to `at` [s], 0 until it is there.
 
     Raises Diverged with the first difference, and the participant that made it.
     """
-
-    is_star = True
 
     def __init__(
         self,
@@ -47,6 +50,7 @@ class RecordedPrefix(Repetition):
         starts_at = {name: saved.step for name, saved in restored.items()}
         super().__init__(recording, at=at, starts_at=starts_at, counts_from=counts_from)
         self._restored = restored
+        self._is_live = False
         self.took_s = 0.0
 
     def adapt(self, scenario: Scenario) -> Scenario:
@@ -62,6 +66,26 @@ class RecordedPrefix(Repetition):
             run.recorder.add_metadata(layout.BRANCH_METADATA, steps)
         run.state.barrier.window = max(WINDOW, run.state.scenario.window)
         run.state.ends_from = self.counts_from
+        bus, into = run.session.bus, run.session.inbox.into
+        for name, put in self.player.puts.items():
+            for port, content_put in self.player.content_puts[name].items():
+                bus.subscribe(
+                    f"bulk/{name}/{port}", into(partial(self._pass_content_on, content_put))
+                )
+            bus.subscribe_content(f"out/{name}", into(partial(self._pass_on, put)))
+
+    def _pass_on(self, put: Put, outputs: bytes) -> None:
+        """Pass on the outputs of a participant; before, the recording has spoken for it.
+
+        Its outputs come before the log that reports them, on the same link: none of the recorded
+        steps comes after the last of these.
+        """
+        if self._is_live:
+            put(outputs)
+
+    def _pass_content_on(self, put: Put, sample: Sample) -> None:
+        if self._is_live:
+            put(sample.payload, attachment=sample.attachment)
 
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
         """Return the checkpoint that a participant starts from."""
@@ -74,7 +98,7 @@ class RecordedPrefix(Repetition):
 
     def limit(self, released: int) -> int:
         """Return the first live step, until all have repeated what is below."""
-        return FAR if self.player.is_live else self.at
+        return FAR if self._is_live else self.at
 
     def act(self) -> None:
         """Publish what is recorded below `at`; be live once all is repeated.
@@ -82,11 +106,11 @@ class RecordedPrefix(Repetition):
         Raises Diverged where the run ends in what is recorded.
         """
         run, state = self.run, self.run.state
-        if self.player.is_live:
+        if self._is_live:
             return
         super().act()
         if self._compared >= self.at:
-            self.player.is_live = True
+            self._is_live = True
             run.recorder.reviser = None
             state.is_repeating = False
             state.barrier.window = state.scenario.window

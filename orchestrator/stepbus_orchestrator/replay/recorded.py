@@ -1,8 +1,6 @@
 """What a recording says a participant published, to be taken step by step."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
-
-import msgspec
+from collections.abc import Iterable, Iterator
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
@@ -12,42 +10,28 @@ from stepbus_orchestrator.recording.layout import (
 )
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_schemas import Description, Outputs
-
-Ports = dict[str, bytes]
-"""Port → the bytes of its message, or of its bulk content."""
+from stepbus_schemas import Description
 
 
 class RecordedOutputs:
     """The outputs of participants, read in the order of their steps."""
 
     def __init__(self, recording: Recording, specs: Iterable[ParticipantSpec]) -> None:
-        self._recorded: dict[str, Iterator[tuple[int, Ports]]] = {}
+        self._recorded: dict[str, Iterator[tuple[int, dict[str, bytes]]]] = {}
         for spec in specs:
             topics = [topic_of(spec.name, port) for port in spec.outputs]
             ports = [recording.ports[topic] for topic in topics if topic in recording.ports]
             self._recorded[spec.name] = recording.steps_of(ports)
-        self._newest: dict[str, tuple[int, Ports]] = dict.fromkeys(self._recorded, (-1, {}))
+        self._newest: dict[str, tuple[int, dict[str, bytes]]] = dict.fromkeys(
+            self._recorded, (-1, {})
+        )
 
-    def take(self, name: str, step: int) -> Ports:
+    def take(self, name: str, step: int) -> dict[str, bytes]:
         """Return what a participant published at a step, which is not below the last one taken."""
         while self._newest[name][0] < step:
             self._newest[name] = next(self._recorded[name], (FAR, {}))
         newest, ports = self._newest[name]
         return ports if newest == step else {}
-
-
-def outputs_of(
-    step: int, ports: Mapping[str, bytes], bulk_ports: Collection[str], *, token: str, step_ns: int
-) -> tuple[Outputs, Ports]:
-    """Return what a participant publishes at a step, and apart from it the content of bulk ports.
-
-    The outputs announce that content (P7.3). ports: all that it publishes.
-    """
-    bulk = {port: data for port, data in ports.items() if port in bulk_ports}
-    plain = {port: msgspec.Raw(data) for port, data in ports.items() if port not in bulk}
-    sizes = {port: len(data) for port, data in bulk.items()}
-    return Outputs(token=token, step=step, t_ns=step * step_ns, ports=plain, bulk=sizes), bulk
 
 
 def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Description]]:

@@ -5,7 +5,7 @@ steps of one participant, and plays the others (`execute.py`).
 """
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
 import msgspec
@@ -15,19 +15,16 @@ from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import topic_of
 from stepbus_orchestrator.recording.sink import Published
-from stepbus_orchestrator.replay.recorded import Ports, RecordedOutputs, outputs_of
-from stepbus_orchestrator.run.bus import Session
+from stepbus_orchestrator.replay.recorded import RecordedOutputs
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase
+from stepbus_orchestrator.run.player import Player, Ports
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_participant import Sample, stamp
-from stepbus_schemas import HANDSHAKE_STEP, CallRecord, Description, due_step, encode
-
-_Put = Callable[..., None]
+from stepbus_schemas import CallRecord, Description, due_step
 
 
 class Repetition(RunExtension):
@@ -81,7 +78,12 @@ class Repetition(RunExtension):
             is_made = call.step < self.starts_at.get(call.participant, 0)
             (self._made if is_made else self._calls).append(call)
         run.recorder.reviser = self
-        self.player = Player(run.session, recording, self.starts_at)
+        self._needed = _needed(state.scenario, self.starts_at)
+        self._played = [s for s in state.scenario.participants if s.name in self._needed]
+        self._inputs = RecordedOutputs(recording, self._played)
+        # The orchestrator's own subscribers do not get what it publishes (`remote`).
+        publisher = partial(run.session.publisher, remote=True)
+        self.player = Player(self._played, self._step_ns, run.token, publisher)
 
     def _comparison(self, spec: ParticipantSpec, port: str) -> PortComparison:
         topic = topic_of(spec.name, port)
@@ -113,7 +115,10 @@ class Repetition(RunExtension):
         """Publish the recorded outputs of all steps that may be worked on; compare what came."""
         state = self.run.state
         limit = min(state.barrier.step_limit, self.at)
-        self.player.publish(self._fed, limit)
+        for spec in self._played:
+            first = max(self._fed, self._needed[spec.name])
+            for step in range(-(-first // spec.every) * spec.every, limit, spec.every):
+                self.player.publish(spec.name, step, self._inputs.take(spec.name, step))
         self._fed = max(self._fed, limit)
         self.run.recorder.write_below(min(state.barrier.completed, state.last_step))
 
@@ -176,80 +181,6 @@ class Repetition(RunExtension):
 
     def differs(self, name: str, step: int, what: str) -> None:
         """React to a participant that does not repeat the recording; step: −1 before the first."""
-
-
-class Player:
-    """Publishes for every participant that is read: recorded outputs, and once it is live, its own.
-
-    Participants are linked to the orchestrator only. So each gets its recorded inputs, ahead and
-    whatever the others do; and from the first live step on, what its sources publish, passed on as
-    it is. For the participants nothing changes: the same keys, the same messages.
-
-    starts_at: participants that start behind step 0, or at `FAR` and thus never, each with its
-    step. is_live: whether what participants publish is passed on.
-    """
-
-    def __init__(
-        self, session: Session, recording: Recording, starts_at: Mapping[str, int]
-    ) -> None:
-        self.is_live = False
-        self._session = session
-        self._needed = _needed(session.scenario, starts_at)
-        self._sources = [s for s in session.scenario.participants if s.name in self._needed]
-        self._recorded = RecordedOutputs(recording, self._sources)
-        self._puts: dict[str, _Put] = {}
-        self._bulk_puts: dict[str, dict[str, _Put]] = {}
-        for spec in self._sources:
-            self._open(spec)
-
-    def _open(self, spec: ParticipantSpec) -> None:
-        bus, into = self._session.bus, self._session.inbox.into
-        # The orchestrator's own subscribers do not get what it publishes (`remote`).
-        publisher = partial(self._session.publisher, remote=True)
-        key = f"out/{spec.name}"
-        put = self._puts[spec.name] = publisher(key, "Outputs/1")
-        bulk = {port: f"bulk/{spec.name}/{port}" for port, o in spec.outputs.items() if o.bulk}
-        puts = {port: publisher(bulk[port], spec.outputs[port].type) for port in bulk}
-        self._bulk_puts[spec.name] = puts
-        for port, bulk_key in bulk.items():
-            bus.subscribe(bulk_key, into(partial(self._pass_bulk_on, puts[port])))
-        bus.subscribe_content(key, into(partial(self._pass_on, put)))
-
-    def _pass_on(self, put: _Put, outputs: bytes) -> None:
-        """Pass on what a participant published; before, the recording has spoken for it.
-
-        Its outputs come before the log that reports them, on the same link: none of the recorded
-        steps comes after the last of these.
-        """
-        if self.is_live:
-            put(outputs)
-
-    def _pass_bulk_on(self, put: _Put, sample: Sample) -> None:
-        if self.is_live:
-            put(sample.payload, attachment=sample.attachment)
-
-    def send_handshake(self) -> None:
-        """Prove the connection for each source, before the first step."""
-        for spec in self._sources:
-            self._publish(spec, HANDSHAKE_STEP, {})
-            for put in self._bulk_puts[spec.name].values():
-                put(b"", attachment=stamp(HANDSHAKE_STEP, self._session.token))
-
-    def publish(self, first: int, end: int) -> None:
-        """Publish the recorded outputs of steps from `first` below `end` that any input lacks."""
-        for spec in self._sources:
-            start = max(first, self._needed[spec.name])
-            for step in range(-(-start // spec.every) * spec.every, end, spec.every):
-                self._publish(spec, step, self._recorded.take(spec.name, step))
-
-    def _publish(self, spec: ParticipantSpec, step: int, ports: Ports) -> None:
-        """Publish the outputs of a step, bulk content first."""
-        token, bulk_puts = self._session.token, self._bulk_puts[spec.name]
-        step_ns = self._session.scenario.step_ns if step >= 0 else 0
-        outputs, bulk = outputs_of(step, ports, bulk_puts, token=token, step_ns=step_ns)
-        for port, data in bulk.items():
-            bulk_puts[port](data, attachment=stamp(step, token))
-        self._puts[spec.name](encode(outputs))
 
 
 def _needed(scenario: Scenario, starts_at: Mapping[str, int]) -> dict[str, int]:

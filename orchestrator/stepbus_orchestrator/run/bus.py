@@ -2,7 +2,7 @@
 
 import contextlib
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
 from queue import Empty
 from typing import Any
@@ -56,19 +56,24 @@ class Inbox:
         """Wake `receive` once each of these has sent something; none: once any has."""
         self._awaited = set(names)
 
-    def receive(self, timeout_s: float) -> None:
-        """Wait for the next item, at most for a time [s], and take all that have come with it."""
+    def receive(self, timeout_s: float) -> bool:
+        """Wait for the next item, at most for a time [s], and take all that have come with it.
+
+        Return whether any has come.
+        """
         queue, items = self._queue, self._items
         if not items:
             with contextlib.suppress(Empty):
                 queue.get(timeout=timeout_s)
         # Not until it is empty: a process that floods the bus must not keep us from the deadlines.
-        for _ in range(len(items)):
+        count = len(items)
+        for _ in range(count):
             take, item = items.popleft()
             take(item)
         # What comes from here on is in the items, and is not waited for.
         while not queue.empty():
             queue.get()  # no time-out: it is not empty
+        return count > 0
 
 
 _FIRST_S = 0.05
@@ -184,13 +189,8 @@ def open_bus(endpoint: Endpoint, run: str) -> ZenohBus:
         raise BusFailed(str(exc)) from exc
 
 
-def subscribe(
-    session: Session, messages: MessageHandler, followed: Mapping[str, Callable[[bytes], None]]
-) -> None:
-    """Listen to all that participants send; everything goes through the session's inbox.
-
-    followed: participant → what gets what it publishes, beside its log.
-    """
+def subscribe(session: Session, messages: MessageHandler) -> None:
+    """Listen to all that participants send; everything goes through the session's inbox."""
     bus, inbox = session.bus, session.inbox
     bus.answer(
         "join",
@@ -202,8 +202,6 @@ def subscribe(
         # One key each: to ask every sample for its key takes longer than to decode it.
         take_log = partial(messages.take_log, spec.name)
         bus.subscribe_content(f"log/{spec.name}", inbox.into_from(spec.name, take_log))
-    for name, take in followed.items():
-        bus.subscribe_content(f"out/{name}", inbox.into(take))
     outputs = [out for spec in session.scenario.participants for out in spec.outputs.values()]
     if any(output.bulk for output in outputs):
 

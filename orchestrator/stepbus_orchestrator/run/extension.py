@@ -45,9 +45,8 @@ class Strategy:
 class RunView(Protocol):
     """What an extension, and a host, may use of a run.
 
-    key, token: its key space on the bus, and its secret. is_star: whether participants are linked
-    to the orchestrator only, which passes on what they publish. state: how far it is; its scenario
-    is that of the participants. session: its end of the bus. strategy: how it gets its
+    key, token: its key space on the bus, and its secret. state: how far it is; its scenario is that
+    of the participants. session: its end of the bus. strategy: how it gets its
     participants. recorder: gets the outputs. timing: gets what the clock shows. out: folder of the
     run. observer: is notified of progress. interrupt: ends the run when it is set. messages: takes
     what participants send. gates: hold steps. descriptions: of all outputs, from the end of the
@@ -57,7 +56,6 @@ class RunView(Protocol):
 
     key: str
     token: str
-    is_star: bool
     state: RunState
     session: Session
     strategy: Strategy
@@ -82,6 +80,9 @@ class RunView(Protocol):
 
     def progress(self) -> Progress:
         """Return how far the run is."""
+
+    def receive_last_reports(self, name: str) -> None:
+        """Take what is still under way when a process has ended; raises what that reports."""
 
     def start_options(self, spec: ParticipantSpec) -> dict[str, Any]:
         """Return how a participant is to be started, as far as extensions say so."""
@@ -124,10 +125,6 @@ class RunExtension:
 
     run: RunView
     """The run, once `attach` has been called."""
-
-    is_star = False
-    """Whether participants are linked to the orchestrator only, which passes on what they publish.
-    """
 
     # --- before the run -------------------------------------------------------------------
 
@@ -196,6 +193,13 @@ class RunExtension:
         return False
 
     # --- at its end -----------------------------------------------------------------------
+
+    def survive(self, failure: RunFailure) -> Callable[[], str] | None:
+        """Keep the run going until it comes to rest; None: the failure ends it at once.
+
+        Return a function that gives the end of the error message, called behind the last step.
+        """
+        return None
 
     def stopping(self) -> None:
         """React to the end of stepping: no further step begins."""

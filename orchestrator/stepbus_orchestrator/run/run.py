@@ -15,7 +15,7 @@ from stepbus_orchestrator.errors import (
 )
 from stepbus_orchestrator.processes.child import TERM_GRACE_S
 from stepbus_orchestrator.processes.endpoints import new_token
-from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder, layout
+from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
 from stepbus_orchestrator.run.bus import Session, subscribe
 from stepbus_orchestrator.run.kernel.admission import batches_of
 from stepbus_orchestrator.run.kernel.barrier import Gate, step_limit
@@ -23,8 +23,6 @@ from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, inp
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.run.repeats import Repeats
 from stepbus_orchestrator.run.reports import Observer, Progress, progress_of
-from stepbus_orchestrator.run.safe_messages import motion_at_end
-from stepbus_orchestrator.run.safe_stop import SafeStop
 from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import Bus
@@ -81,7 +79,6 @@ class Run:
         for extension in extensions:
             scenario = extension.adapt(scenario)
         self.key, self.token = new_token(), new_token()
-        self.is_star = any(extension.is_star for extension in extensions)
         self.state = RunState(scenario)
         self.recorder = recorder
         self.timing = timing
@@ -130,12 +127,11 @@ class Run:
         self.messages = MessageHandler(
             self.state, self.token, self.recorder, self.timing, take_slots=strategy.slots.take
         )
-        self.safe_stop = SafeStop(self)
         self._repeats = Repeats(self)
         for extension in self.extensions:
             extension.attach(self)
         self.is_attached = True
-        subscribe(session, self.messages, self.safe_stop.followed)
+        subscribe(session, self.messages)
 
     def _go_through_phases(self) -> str:
         failure: RunFailure | None = None
@@ -161,18 +157,15 @@ class Run:
             try:
                 self._step()
             except RunFailure as exc:
-                # Behind what cannot be recorded, safe messages would leave a hole.
-                if self.recorder.has_broken(exc.participant) or not self.safe_stop.can_handle(exc):
-                    raise
                 failure = exc
-                self.state.enter(RunPhase.FALLBACK)
-                self._fall_back(exc)
+                outcome = self._survive(exc)
+                self._step()
             self.state.enter(RunPhase.CLOSING)
             self._close()
             if failure is not None:
-                failure = self._after_fallback(failure)
+                failure = _extended(failure, outcome(), failure)
         except RunFailure as exc:
-            if failure is not None:
+            if failure is not None and failure is not exc:
                 reached("something fails while a participant is replaced")
                 failure = _extended(failure, f"while its commands were held: {exc}", exc)
             failure = failure or exc
@@ -253,34 +246,12 @@ class Run:
         owing = [name for name in closing if reported[name] < end]
         self._repeats.look(owing, "stop")
 
-    # --- fallback -------------------------------------------------------------------------
-
-    def _fall_back(self, failure: RunFailure) -> None:
-        """Replace the participant that failed for as long as the scenario says (`on_fault`)."""
-        participant = self.state.participants[failure.participant or ""]
-        name = participant.name
-        reached("a participant is replaced")
-        participant.process.signal(signal.SIGKILL)
-        participant.process.wait(LONGEST_TICK_S)
-        self.state.replaced = name
-        self._receive_last_reports(name)
-        first, until = self.safe_stop.start(name)
-        self.state.end = (until, f"{name} has failed; its commands were held")
-        self.recorder.add_metadata(
-            layout.FALLBACK_METADATA,
-            {"participant": name, "first": str(first), "until": str(until)},
-        )
-        self.timing.event("hold", name, f"steps {first} to {until - 1}")
-        self.observer.event("error", name, first, f"{failure}; holding until step {until}")
-        self._step()
-
-    def _after_fallback(self, failure: RunFailure) -> RunFailure:
-        """Return the failure of a run that has come to its safe stop."""
-        reached("a run comes to its safe stop")
-        first, until = self.safe_stop.replaced_steps
-        rests = motion_at_end(self.state.scenario, self.descriptions, self.state.newest)
-        text = f"its commands were held from step {first} to {until} {rests}"
-        return _extended(failure, text, failure)
+    def _survive(self, failure: RunFailure) -> Callable[[], str]:
+        """Have an extension keep the run going; raises the failure where none does."""
+        for extension in self.extensions:
+            if (outcome := extension.survive(failure)) is not None:
+                return outcome
+        raise failure
 
     # --- shutdown -------------------------------------------------------------------------
 
@@ -418,7 +389,7 @@ class Run:
         while self.clock.monotonic() < deadline:
             self.session.inbox.receive(SHORT_TICK_S)
 
-    def _receive_last_reports(self, name: str) -> None:
+    def receive_last_reports(self, name: str) -> None:
         """Take what is still under way when a process has ended; raises what that reports.
 
         name: of its participant. Its readers say at which step they wait for it.
@@ -451,7 +422,7 @@ class Run:
             if process.late:
                 raise kept_thread(self.state, participant)
             # A fault that it, or a witness, has reported is more precise, and is raised from here.
-            self._receive_last_reports(name)
+            self.receive_last_reports(name)
             raise death(self.state, participant)
 
     def _kill_blockers(self) -> None:
@@ -490,7 +461,6 @@ class Run:
         if self._completions:
             self._look_at_completed()
         self._send_trigger()
-        self.safe_stop.follow(state.released)
         self.recorder.write_below(min(state.barrier.completed, state.last_step))
 
     def _look_at_completed(self) -> None:

@@ -13,11 +13,9 @@ from stepbus_orchestrator.analysis.divergence import PortComparison
 from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_participant import make_new_folder
 from stepbus_schemas import Description
-from stepbus_tools.conformance.feeds import Feed
 from stepbus_tools.conformance.harness import Harness, Hook
-from stepbus_tools.conformance.material import Material, Setup
-from stepbus_tools.conformance.outcome import Failed, Skipped
-from stepbus_tools.conformance.transcript import Transcript
+from stepbus_tools.conformance.material import Feed, Material, Setup
+from stepbus_tools.conformance.transcript import Failed, Skipped, Transcript
 
 Play = Callable[[Harness], None]
 

@@ -1,26 +1,38 @@
-"""How a check differs from a plain run: what the participant learns when it joins."""
+"""What is played to a participant: recorded outputs of its sources, and other forms of them."""
 
-import contextlib
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from msgspec import structs
 
 from stepbus_orchestrator.errors import RunFailure
-from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import RecordedOutputs, recorded_descriptions
 from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
+from stepbus_orchestrator.run.player import Ports
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
-from stepbus_schemas import SPOKEN, Description, Envelope, Protocols, Refusal, Welcome, WiringError
-from stepbus_tools.conformance.feeds import Feed
+from stepbus_schemas import (
+    SPOKEN,
+    Description,
+    Protocols,
+    Refusal,
+    Welcome,
+    WiringError,
+)
+
+Feed = Mapping[str, Mapping[int, Ports]]
+"""Source → step → what it publishes."""
+
+Edit = Callable[[str, str, bytes], bytes]
+"""Returns another message for (source, port, message)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,33 +73,22 @@ class Setup:
         limit_s = self.join_timeout_s or spec.deadlines.join_s
         return structs.replace(spec, inputs=inputs, join_timeout_ns=round(limit_s * 1e9))
 
-    def answer(self, scenario: Scenario, spec: ParticipantSpec, token: str) -> Envelope:
+    def answer(self, scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome | Refusal:
         """Return the answer to the participant's request to join."""
         if self.refusal is not None:
             return Refusal(reason=self.refusal)
         welcome: Welcome = welcome_of(scenario, spec, token)
         return structs.replace(welcome, **self.welcome)
 
-    def mesh(
-        self,
-        scenario: Scenario,
-        spec: ParticipantSpec,
-        folder: Path,
-        held: contextlib.ExitStack,
-    ) -> Mesh:
-        """Return the links: orchestrator, peers where they have their own, and the participant.
-
-        held: as of `make_mesh`.
-        """
-        first = next(iter(spec.inputs.values()), None)
-        participants: tuple[ParticipantSpec, ...] = (spec,)
-        if self.own_peers and first is not None:
-            participants = (scenario.participant(first.source), spec)
+    def linked(self, scenario: Scenario, spec: ParticipantSpec) -> Scenario:
+        """Return the scenario of the processes with a link: one of the peers, the participant."""
+        sources = (item.source for item in spec.inputs.values())
+        peer = next(map(scenario.participant, sources), None) if self.own_peers else None
         # Bulk content is played in messages, but for the checks of slots.
         is_quick = low_latency(scenario) and not slot_counts(scenario)
         bus = structs.replace(scenario.bus, low_latency=is_quick)
-        linked = dataclasses.replace(scenario, participants=participants, bus=bus)
-        return make_mesh(linked, folder, None, held)
+        specs = (spec,) if peer is None else (peer, spec)
+        return dataclasses.replace(scenario, participants=specs, bus=bus)
 
 
 _LEAST_STEPS = 24
@@ -169,4 +170,60 @@ def read(scenario: Scenario, participant: str, path: Path) -> Material:
             scenario, {s.name: described.get(s.name, {}) for s in scenario.participants}
         )[spec.name],
         recording=path,
+    )
+
+
+# --- other forms of a feed --------------------------------------------------------------------
+
+
+def edited(feed: Feed, edit: Edit) -> Feed:
+    """Return a feed with every message replaced by `edit`."""
+    return each_step(
+        feed,
+        lambda source, _, row: {port: edit(source, port, data) for port, data in row.items()},
+    )
+
+
+def each_step(feed: Feed, change: Callable[[str, int, Ports], Ports]) -> Feed:
+    """Return a feed with other outputs: `change` gets source, step and outputs."""
+    return {
+        source: {step: change(source, step, row) for step, row in rows.items()}
+        for source, rows in feed.items()
+    }
+
+
+def thinned(feed: Feed, every: Mapping[str, int]) -> Feed:
+    """Return a feed in which sources publish at multiples of a step only, and nothing between."""
+    return each_step(feed, lambda source, step, row: {} if step % every[source] else row)
+
+
+def shifted(feed: Feed, ports: Collection[tuple[str, str]], delay: int) -> Feed:
+    """Return a feed in which some ports, as (source, port), come `delay` steps later."""
+
+    def change(source: str, step: int, row: Ports) -> Ports:
+        earlier = feed[source].get(step - delay, {})
+        own = {port: data for port, data in row.items() if (source, port) not in ports}
+        return own | {port: data for port, data in earlier.items() if (source, port) in ports}
+
+    return each_step(feed, change)
+
+
+def repeated(feed: Feed) -> Feed:
+    """Return a feed in which a step without a port has the message of the step before."""
+    held: dict[str, dict[str, bytes]] = {source: {} for source in feed}
+
+    def change(source: str, _: int, row: Ports) -> Ports:
+        held[source] = {**held[source], **row}
+        return held[source]
+
+    return each_step(feed, change)
+
+
+def reverse_description(description: Description) -> Description:
+    """Return a description with its names, and all rows that belong to them, reversed."""
+    return msgspec.structs.replace(
+        description,
+        names=description.names[::-1],
+        limits={key: row[::-1] for key, row in description.limits.items()},
+        details={key: row[::-1] for key, row in description.details.items()},
     )

@@ -1,4 +1,4 @@
-"""Plays orchestrator and peers to one participant, and checks what it does."""
+"""All checks, how they run, and the report on them, as JUnit XML too."""
 
 import dataclasses
 import tempfile
@@ -6,7 +6,10 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree as ET
 
+import msgspec
 from msgspec import structs
 
 from stepbus_orchestrator.errors import Interrupted
@@ -18,7 +21,9 @@ from stepbus_schemas import BridgeFormat, WiringError, error_text, raw_fields
 from .checks import admission, encodings, endings, inputs, noise, steps
 from .kit import Check, Kit
 from .material import find, record
-from .outcome import CheckResult, Failed, Outcome, Report, Skipped
+from .transcript import Failed, Skipped
+
+Outcome = Literal["pass", "fail", "skipped"]
 
 CHECKS = tuple(
     item
@@ -27,6 +32,83 @@ CHECKS = tuple(
     if isinstance(item, Check)
 )
 """All checks, in the order they run."""
+
+
+class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
+    """The result of one check.
+
+    name, clause, summary: of the check. observed: one sentence. wall_s: how long it took [s].
+    """
+
+    name: str
+    clause: str
+    summary: str
+    outcome: Outcome
+    observed: str
+    wall_s: float
+
+
+class Report(msgspec.Struct, frozen=True, kw_only=True):
+    """The results of all checks.
+
+    scenario, participant: whose ports were played. program: its command line. steps: length of
+    the recorded inputs [steps].
+    """
+
+    scenario: str
+    participant: str
+    program: tuple[str, ...]
+    steps: int
+    checks: tuple[CheckResult, ...]
+
+    def count(self, outcome: Outcome) -> int:
+        """Return how many checks had an outcome."""
+        return sum(check.outcome == outcome for check in self.checks)
+
+    @property
+    def conforms(self) -> bool:
+        """Return whether no check failed."""
+        return self.count("fail") == 0
+
+    @property
+    def wall_s(self) -> float:
+        """Return how long all checks took [s]."""
+        return sum(check.wall_s for check in self.checks)
+
+
+def write_junit(report: Report, path: Path) -> None:
+    """Write a report; each check is a test case. Raises WiringError when it cannot be written."""
+    suite = ET.Element(
+        "testsuite",
+        name=f"stepbus conformance: {report.participant} of {report.scenario}",
+        tests=str(len(report.checks)),
+        failures=str(report.count("fail")),
+        skipped=str(report.count("skipped")),
+        errors="0",
+        time=f"{report.wall_s:.3f}",
+    )
+    for check in report.checks:
+        case = ET.SubElement(
+            suite,
+            "testcase",
+            classname=f"stepbus.conformance.{report.participant}",
+            name=f"{check.clause} {check.name}",
+            time=f"{check.wall_s:.3f}",
+        )
+        # XML does not allow control characters.
+        seen = "".join(c if c.isprintable() or c in "\n\t" else "�" for c in check.observed)
+        if check.outcome == "fail":
+            ET.SubElement(case, "failure", message=seen).text = check.summary
+        elif check.outcome == "skipped":
+            ET.SubElement(case, "skipped", message=seen)
+        else:
+            ET.SubElement(case, "system-out").text = seen
+    tree = ET.ElementTree(suite)
+    ET.indent(tree)
+    try:
+        tree.write(path, encoding="utf-8", xml_declaration=True)
+    except OSError as exc:
+        raise WiringError(f"{path} cannot be written: {exc.strerror}") from exc
 
 
 def select(names: Sequence[str]) -> tuple[Check, ...]:

@@ -8,7 +8,7 @@ from msgpack import ExtType
 
 from stepbus_orchestrator.recording import raw_map
 from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_participant import SlotError, read_stamp
+from stepbus_participant import Sample, SlotError, read_stamp
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     UNDECODABLE,
@@ -19,6 +19,7 @@ from stepbus_schemas import (
     MessageError,
     Outputs,
     Ready,
+    StepbusError,
     Types,
 )
 
@@ -30,6 +31,14 @@ _DECODERS: Mapping[str, Decoder[Any]] = {
 }
 _decode_hello = Decoder(Hello)
 _decode = msgspec.msgpack.Decoder(ext_hook=lambda code, data: ExtType(code, bytes(data))).decode
+
+
+class Failed(StepbusError, AssertionError):
+    """A participant did not do what the protocol demands; the text says what was observed."""
+
+
+class Skipped(StepbusError):
+    """A check does not apply to this participant, or cannot be judged; the text says why."""
 
 
 class Transcript:
@@ -117,9 +126,10 @@ class Transcript:
         except MessageError as exc:
             self._break("P4.2", f"its request to join: {exc}")
 
-    def add(self, channel: str, data: bytes, encoding: str) -> None:
+    def add(self, channel: str, sample: Sample) -> None:
         """Record one message; channel: the first part of its key."""
-        self.encodings.setdefault(channel, set()).add(encoding)
+        data = sample.payload
+        self.encodings.setdefault(channel, set()).add(sample.encoding)
         where = f"{channel}/{self._spec.name}"
         self._check_codecs(f"a message on {where}", data)
         try:
@@ -163,10 +173,11 @@ class Transcript:
             except SlotError as exc:
                 self._break("P17.3", f"step {outputs.step}: {port}: {exc}")
 
-    def add_bulk(self, port: str, stamped: bytes, content: bytes, encoding: str) -> None:
-        """Record one bulk sample; stamped: its attachment (P7.5)."""
-        self.encodings.setdefault(f"bulk/{port}", set()).add(encoding)
-        step = read_stamp(stamped, self._token)
+    def add_bulk(self, port: str, sample: Sample) -> None:
+        """Record one bulk sample; its attachment has its step (P7.5)."""
+        content = sample.payload
+        self.encodings.setdefault(f"bulk/{port}", set()).add(sample.encoding)
+        step = read_stamp(sample.attachment, self._token)
         if step is None:
             self._break("P7.5", f"bulk content on {port} has no attachment with the token")
         elif step == HANDSHAKE_STEP:

@@ -11,6 +11,7 @@ from stepbus_orchestrator.run.extensions.faults import Faults
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.placement import Placement
 from stepbus_orchestrator.run.extensions.real_time import RealTime, Speed
+from stepbus_orchestrator.run.extensions.safe_stop import SafeStop
 from stepbus_orchestrator.run.extensions.save_checkpoints import SaveCheckpoints
 from stepbus_orchestrator.run.extensions.steering import Steering
 from stepbus_orchestrator.scenario.model import Scenario
@@ -37,6 +38,8 @@ def with_defaults(
         others.append(StartedHere())
     if scenario.checkpoint_steps and is_recorded:
         others.insert(0, SaveCheckpoints())
+    if any(spec.hold is not None for spec in scenario.participants):
+        others.append(SafeStop())
     faults = [Faults()] if scenario.faults else []
     return [*faults, pace, speed, *others, calls, steering, Placement()]
 

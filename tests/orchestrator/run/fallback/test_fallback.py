@@ -3,7 +3,8 @@
 import msgspec
 import pytest
 
-from stepbus_orchestrator.run.safe_stop import Substitute
+from stepbus_orchestrator.run.extensions.safe_stop import Substitute
+from stepbus_orchestrator.run.player import Player
 from stepbus_orchestrator.scenario.model import HoldSpec, ParticipantSpec
 from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import (
@@ -29,7 +30,8 @@ def published_for(message):
     sent = []
     substitute = Substitute(
         spec, HoldSpec(keep_ns=0, hold_ns=STEP_NS), token=TOKEN, step_ns=STEP_NS,
-        put=sent.append, log=lambda data: None,
+        player=Player([spec], STEP_NS, TOKEN, lambda _key, _type: sent.append),
+        log=lambda data: None,
     )  # fmt: skip
     ports = {"port": msgspec.Raw(encode(message))}
     substitute.take(encode(Outputs(token=TOKEN, step=0, t_ns=0, ports=ports)))

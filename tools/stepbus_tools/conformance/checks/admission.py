@@ -8,11 +8,10 @@ from typing import Any
 from stepbus_orchestrator.processes.child import Child
 from stepbus_participant import TICKET_VARIABLE
 from stepbus_schemas import SPOKEN, Description, Hello, Protocols, Types, WiringError, offered
-from stepbus_tools.conformance.feeds import reverse_description
 from stepbus_tools.conformance.harness import Harness
 from stepbus_tools.conformance.kit import Check, Kit, check
-from stepbus_tools.conformance.material import Setup
-from stepbus_tools.conformance.outcome import Failed, Skipped
+from stepbus_tools.conformance.material import Setup, reverse_description
+from stepbus_tools.conformance.transcript import Failed, Skipped
 
 _LATE_S = 0.5
 _UNKNOWN = 1000
@@ -141,7 +140,7 @@ def _not_let_in(name: str, what: str, setup: Setup) -> Check:
 
     def run(kit: Kit) -> str:
         with kit.joined(setup) as harness:
-            code = harness.await_end(what, kit.spec.deadlines.join_s, harness.send_handshake)
+            code = harness.await_end(what, kit.spec.deadlines.join_s, harness.player.send_handshake)
             if harness.transcript.readies:
                 raise Failed(f"it became ready after {what}")
         return _refused(code, f"after {what}")
@@ -175,7 +174,7 @@ def _handshake(kit: Kit) -> str:
             lambda: transcript.handshakes >= count and len(transcript.readies) >= readies,
             "another handshake and Ready before the Start",
             kit.spec.deadlines.step_s,
-            harness.send_handshake,
+            harness.player.send_handshake,
         )
     if problem := transcript.problem("P4.6"):
         raise Failed(problem)
@@ -267,10 +266,10 @@ def _early(kit: Kit) -> str:
     with kit.running(None) as harness:
         harness.release(1)
         harness.feed(kit.feed, 0)
-        harness.send_handshake()
+        harness.player.send_handshake()
         harness.start()
         harness.await_output(0)
-        harness.send_handshake()
+        harness.player.send_handshake()
         harness.walk(kit.feed, 1, kit.steps)
     kit.same(harness.transcript, "in this order")
     return "kept the trigger and step 0, ignored the handshakes"

@@ -8,11 +8,10 @@ import msgpack
 import msgspec
 
 from stepbus_orchestrator.analysis.tolerance import FieldTolerance, differences
-from stepbus_schemas import Description, encode
-from stepbus_tools.conformance.feeds import edited, plain, reverse, reverse_description, vectors_of
+from stepbus_schemas import Description, Types, encode, json_schema
 from stepbus_tools.conformance.kit import Kit, check
-from stepbus_tools.conformance.outcome import Skipped
-from stepbus_tools.conformance.transcript import Transcript
+from stepbus_tools.conformance.material import edited, reverse_description
+from stepbus_tools.conformance.transcript import Skipped, Transcript
 
 _BY_NAME = FieldTolerance(abs=1e-9, rel=1e-9)
 
@@ -33,7 +32,7 @@ def _unknown_fields(kit: Kit) -> str:
 def _numbers(kit: Kit) -> str:
     def rounded(source: str, port: str, data: bytes) -> bytes:
         type_name = kit.material.scenario.participant(source).outputs[port].type
-        fields = _map_floats(plain(type_name, data, kit.types), _to_float32)
+        fields = _map_floats(_plain(type_name, data, kit.types), _to_float32)
         return encode(msgspec.convert(fields, kit.types[type_name]))
 
     feed = edited(kit.feed, rounded)
@@ -103,7 +102,7 @@ def _check_turned(kit: Kit, pairs: set[tuple[str, str]]) -> None:
 
     def edit(source: str, port: str, data: bytes) -> bytes:
         output = kit.material.scenario.participant(source).outputs[port]
-        return reverse(output.type, data, kit.types) if (source, port) in pairs else data
+        return _reverse(output.type, data, kit.types) if (source, port) in pairs else data
 
     expected = _by_name(kit, kit.reference(), descriptions)
     given = _by_name(kit, kit.play(edited(kit.feed, edit), descriptions=turned), turned)
@@ -126,15 +125,36 @@ def _by_name(
         type_name = kit.spec.outputs[port].type
         item = described.get(port, Description())
         names = item.names if item.like is None else inputs[item.like].names
-        vectors = vectors_of(type_name, kit.types)
+        vectors = _vectors_of(type_name, kit.types)
         return {
             key: dict(zip(names, value, strict=True))
             if key in vectors and value and len(value) == len(names)
             else value
-            for key, value in plain(type_name, data, kit.types).items()
+            for key, value in _plain(type_name, data, kit.types).items()
         }
 
     return {
         str(step): {port: named(port, data) for port, data in ports.items()}
         for step, ports in transcript.ports().items()
     }
+
+
+def _vectors_of(type_name: str, types: Types) -> set[str]:
+    """Return the fields of a message type that have one value for each name."""
+    fields = json_schema(type_name, types)["properties"]
+    return {name for name, field in fields.items() if field.get("shape") == ["n"]}
+
+
+def _plain(type_name: str, data: bytes, types: Types) -> dict[str, Any]:
+    """Return a message as a map of plain values."""
+    message = msgspec.msgpack.decode(data, type=types[type_name])
+    fields: dict[str, Any] = msgspec.to_builtins(message)
+    return fields
+
+
+def _reverse(type_name: str, data: bytes, types: Types) -> bytes:
+    """Return a message with each of its vectors in reversed order."""
+    vectors = _vectors_of(type_name, types)
+    fields = _plain(type_name, data, types)
+    turned = {k: v[::-1] if k in vectors and v else v for k, v in fields.items()}
+    return encode(msgspec.convert(turned, types[type_name]))

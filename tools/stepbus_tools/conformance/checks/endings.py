@@ -5,13 +5,13 @@ from collections.abc import Callable, Collection
 
 import msgspec
 
+from stepbus_orchestrator.run.player import Ports
 from stepbus_schemas import Fault
 from stepbus_tools.conformance.checks.noise import bulk_inputs
-from stepbus_tools.conformance.feeds import Ports
 from stepbus_tools.conformance.harness import Harness
 from stepbus_tools.conformance.kit import Check, Kit, check
 from stepbus_tools.conformance.material import Setup
-from stepbus_tools.conformance.outcome import Failed, Skipped
+from stepbus_tools.conformance.transcript import Failed, Skipped
 
 Spoil = Callable[[Harness, str, int, Ports], None]
 """Publishes something wrong on behalf of a source, at a step where its outputs are due."""
@@ -155,7 +155,7 @@ def _check_fault(harness: Harness, fault: Fault, source: str) -> None:
     harness.stop(-1)
     # It may wait for the Stop, though not for long (P10.1).
     limit_s = harness.spec.deadlines.stop_s + 1.0
-    code = harness.await_end("the Stop after its fault", limit_s, lambda: harness.stop(-1))
+    code = harness.await_end("the Stop after its fault", limit_s, harness.session.repeat_stop)
     if code == 0:
         raise Failed("it exited with code 0 after a fault (P10.1)")
 
@@ -170,7 +170,7 @@ def _publish_nothing(_harness: Harness, _source: str, _step: int, _ports: Ports)
 
 def _publish_malformed(harness: Harness, source: str, step: int, ports: Ports) -> None:
     bad = {"token": harness.token, "step": "seven", "t_ns": 0}
-    harness.publish_bytes(source, msgspec.msgpack.encode(bad))
+    harness.player.puts[source](msgspec.msgpack.encode(bad))
     harness.publish(source, step, ports)
 
 
@@ -186,8 +186,8 @@ def _publish_mistyped(harness: Harness, source: str, step: int, ports: Ports) ->
 def _publish_too_long(harness: Harness, source: str, step: int, ports: Ports) -> None:
     outputs, content = harness.outputs(source, step, ports)
     for port, data in content.items():
-        harness.publish_content(source, port, step, data + b"\x00")
-    harness.publish_bytes(source, outputs)
+        harness.player.publish_content(source, port, step, data + b"\x00")
+    harness.player.puts[source](outputs)
 
 
 _CHANGED_DUPLICATE = _fatal(
@@ -220,7 +220,7 @@ def _stops(harness: Harness, at_step: int, when: str) -> str:
     harness.stop(at_step)
     limit_s = harness.spec.deadlines.stop_s
     # Sent again, as the orchestrator does.
-    code = harness.await_end(f"the Stop {when}", limit_s, lambda: harness.stop(at_step))
+    code = harness.await_end(f"the Stop {when}", limit_s, harness.session.repeat_stop)
     faults = harness.transcript.faults
     if faults:
         raise Failed(f"a Stop {when} made it report a fault: {faults[0].message}")

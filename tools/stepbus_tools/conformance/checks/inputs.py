@@ -1,11 +1,9 @@
 """Checks of the inputs: which message is due, held, absent or late."""
 
-from stepbus_tools.conformance.feeds import Feed, each_step, repeated, shifted, thinned
 from stepbus_tools.conformance.harness import Harness
 from stepbus_tools.conformance.kit import Kit, check
-from stepbus_tools.conformance.material import Setup
-from stepbus_tools.conformance.outcome import Failed, Skipped
-from stepbus_tools.conformance.transcript import Transcript
+from stepbus_tools.conformance.material import Feed, Setup, each_step, repeated, shifted, thinned
+from stepbus_tools.conformance.transcript import Failed, Skipped, Transcript
 
 _SLOW_S = 0.1
 _BATCH = 4

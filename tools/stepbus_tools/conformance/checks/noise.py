@@ -6,11 +6,12 @@ from collections.abc import Callable
 import msgspec
 
 from stepbus_orchestrator.run.kernel.admission import max_message_bytes
+from stepbus_orchestrator.run.player import Ports
 from stepbus_schemas import Start, Stop, Trigger, encode
-from stepbus_tools.conformance.feeds import Ports, each_step
 from stepbus_tools.conformance.harness import Harness, Hook
 from stepbus_tools.conformance.kit import Kit, check
-from stepbus_tools.conformance.outcome import Skipped
+from stepbus_tools.conformance.material import each_step
+from stepbus_tools.conformance.transcript import Skipped
 
 _OTHER_RUN = "1234567890abcdef"
 _LAST_LOG_S = 0.05
@@ -55,7 +56,7 @@ def _from_all(make: Callable[[Harness, str, int], bytes | None]) -> Hook:
         for source in harness.material.feed:
             data = make(harness, source, step)
             if data is not None:
-                harness.publish_bytes(source, data)
+                harness.player.puts[source](data)
 
     return noise
 
@@ -112,7 +113,7 @@ def _control_noise(kit: Kit) -> str:
 
     def noise(harness: Harness, step: int) -> None:
         for channel, data in messages[step % 4 :: 4]:
-            harness.send_control(channel, data)
+            harness.control[channel](data)
 
     return _undisturbed(kit, noise, "with an unauthenticated Stop, Trigger and Start")
 
@@ -174,11 +175,11 @@ def _bulk_late(kit: Kit) -> str:
             return
         packed = {source: harness.outputs(source, step, ports) for source, ports in rows.items()}
         for source, (outputs, _) in packed.items():
-            harness.publish_bytes(source, outputs)
+            harness.player.puts[source](outputs)
         harness.idle(_LATE_S)
         for source, (_, content) in packed.items():
             for port, data in content.items():
-                harness.publish_content(source, port, step, data)
+                harness.player.publish_content(source, port, step, data)
 
     kit.unchanged("with late bulk content", in_time, after=send_late)
     return "waited for the content: the same outputs"
@@ -190,8 +191,8 @@ def _bulk_noise(kit: Kit) -> str:
 
     def noise(harness: Harness, step: int) -> None:
         for source, port in ports:
-            harness.publish_content(source, port, step, b"\xc1", token=_OTHER_RUN)
+            harness.player.publish_content(source, port, step, b"\xc1", token=_OTHER_RUN)
             if step > 1:
-                harness.publish_content(source, port, step - 2, b"\x80")
+                harness.player.publish_content(source, port, step - 2, b"\x80")
 
     return kit.unchanged("with bulk content of another run and step", before=noise)

@@ -8,7 +8,7 @@ from stepbus_schemas import encoding_of
 from stepbus_tools.conformance.harness import Harness
 from stepbus_tools.conformance.kit import Kit, check
 from stepbus_tools.conformance.material import Setup
-from stepbus_tools.conformance.outcome import Failed
+from stepbus_tools.conformance.transcript import Failed
 
 _WINDOWS = (1, 2, 7, 64)
 _BATCH = 4
