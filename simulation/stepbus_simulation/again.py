@@ -119,12 +119,7 @@ AGAIN: dict[str, Callable[[Again], str]] = {
 def _hosted(host: SimulatedHost) -> Iterator[None]:
     """Let all that runs from a recording run on a simulated host."""
 
-    def processes(*, is_star: bool, **_options: Any) -> SimulatedHost:
-        host.is_star = is_star
-        return host
-
     def run(scenario: Scenario, options: run_scenario.Options, *more: Any) -> Result:
-        processes(is_star=getattr(options.host, "is_star", False))
         return run_scenario.run(scenario, dataclasses.replace(options, host=host), *more)
 
     # The package has functions of the same names.
@@ -133,6 +128,6 @@ def _hosted(host: SimulatedHost) -> Iterator[None]:
     with (
         patch.object(of_rerun, "run", run),
         patch.object(of_branch, "run", run),
-        patch.object(of_replay, "Processes", processes),
+        patch.object(of_replay, "Processes", lambda **_options: host),
     ):
         yield

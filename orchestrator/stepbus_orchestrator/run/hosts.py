@@ -108,14 +108,13 @@ class InProcess:
     """Has all participants in this process.
 
     owns_descriptors: descriptors 1 and 2 are the run's alone, and what libraries in C print goes to
-    a log. has_caller: our caller makes the steps. is_star: as of `Processes`.
+    a log. has_caller: our caller makes the steps.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     owns_descriptors: bool = False
     has_caller: bool = False
-    is_star: bool = False
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""
@@ -128,6 +127,6 @@ class InProcess:
         """Put the process in order for participants, and back at the end."""
         from stepbus_orchestrator.run.inprocess.local_run import LocalRun  # noqa: PLC0415
 
-        local = LocalRun(run, self.clock, is_star=self.is_star)
+        local = LocalRun(run, self.clock)
         with local.opened(owns_descriptors=self.owns_descriptors):
             yield local.bus, local

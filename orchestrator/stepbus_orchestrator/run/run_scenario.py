@@ -55,7 +55,7 @@ class Options:
 def host_of(*, in_process: bool, owns_descriptors: bool = False, is_star: bool = False) -> Host:
     """Return the host of a run; owns_descriptors: as of `InProcess`, is_star: as of `Processes`."""
     if in_process:
-        return InProcess(owns_descriptors=owns_descriptors, is_star=is_star)
+        return InProcess(owns_descriptors=owns_descriptors)
     return Processes(is_star=is_star)
 
 

@@ -81,10 +81,12 @@ class Kit:
         return folder
 
     @contextlib.contextmanager
-    def joined(self, setup: Setup | None = None) -> Iterator[Harness]:
-        """Yield a harness whose program has asked to join."""
+    def joined(self, setup: Setup | None = None, *, has_peers: bool = False) -> Iterator[Harness]:
+        """Yield a harness whose program has asked to join; has_peers: their own end is open."""
         with self.harness(setup) as harness:
             harness.open_bus()
+            if has_peers:
+                harness.open_peers()
             harness.start_program()
             harness.await_join()
             yield harness
@@ -97,12 +99,8 @@ class Kit:
         descriptions: Mapping[str, Description] | None = None,
     ) -> Iterator[Harness]:
         """Yield a harness whose program has done the steps below `end`; None: it is ready."""
-        with self.harness(setup) as harness:
-            harness.open_bus()
-            if setup is not None and setup.own_peers:
-                harness.open_peers()
-            harness.start_program()
-            harness.await_join()
+        has_peers = setup is not None and setup.own_peers
+        with self.joined(setup, has_peers=has_peers) as harness:
             harness.await_ready()
             if end is not None:
                 harness.start(descriptions)

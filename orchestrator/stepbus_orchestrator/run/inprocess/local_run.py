@@ -85,10 +85,10 @@ def _remedy(spec: ParticipantSpec) -> str:
 class LocalRun(Strategy):
     """Hosts all participants in this process; none is played.
 
-    bus: the orchestrator's, whose network the participants join. is_star: as of `Processes`.
+    bus: the orchestrator's, whose network the participants join.
     """
 
-    def __init__(self, run: RunView, clock: Clock, *, is_star: bool = False) -> None:
+    def __init__(self, run: RunView, clock: Clock) -> None:
         self.hub = Hub(clock)
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
@@ -100,7 +100,6 @@ class LocalRun(Strategy):
         self.surroundings = Surroundings(folder, files)
         self.memory: Turns
         self._run = run
-        self._is_star = is_star
         self._pid = os.getpid()
         self._handlers: dict[int, Any] = {}
 
@@ -203,7 +202,7 @@ class LocalRun(Strategy):
             return HostedParticipant(
                 self.hub,
                 ticket,
-                LoopbackBus(self.bus, self.hub.queue, is_leaf=self._is_star),
+                LoopbackBus(self.bus, self.hub.queue, is_leaf=self._run.state.is_repeating),
                 self.logs / f"{spec.name}.log",
                 program,
                 words=self.memory.words,
