@@ -62,13 +62,6 @@ def test_a_sample_arrives_with_all_its_parts(buses):
     assert (sample.encoding, sample.attachment) == ("text/plain", b"stamp")
 
 
-def test_a_query_is_answered(buses):
-    one, other = buses
-    other.answer("join", lambda request: request.reply(request.payload.upper(), "text/plain"))
-    link(one, other)
-    assert list(one.query("join", b"hello", "text/plain", 10.0)) == [b"HELLO"]
-
-
 def test_an_answer_may_come_later_from_another_thread(buses):
     one, other = buses
     asked = SimpleQueue()

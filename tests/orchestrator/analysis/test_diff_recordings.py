@@ -55,11 +55,7 @@ def test_the_first_divergence_comes_first(first, tmp_path):
     assert [port.topic for port in found.ports] == ["mission/reference", "log/event"]
     assert (found.divergence.step, found.divergence.field) == (2, "position[0]")
     assert found.text().startswith("first divergence: step 2:")
-
-
-def test_each_port_says_how_many_messages_differ(first, tmp_path):
-    found = diff(first, write(tmp_path / "second.mcap", "axxx", [1.0, 2.0, 3.0, 4.0]))
-    assert "3 of 4 messages differ" in found.text()
+    assert "1 of 4 messages differ" in found.text()
 
 
 @pytest.mark.parametrize(

@@ -140,12 +140,6 @@ def test_a_recording_cut_off_is_replayed_up_to_its_end(joints, tmp_path, monkeyp
     assert "the recording is damaged" in result.notes[0]
 
 
-def test_another_program_is_started_in_the_current_folder(joints, tmp_path, monkeypatch):
-    shutil.copy(PROGRAM, tmp_path / "mine.py")
-    monkeypatch.chdir(tmp_path)
-    assert replay(joints, "controller", program=["python", "mine.py", "controller"]).equal
-
-
 def test_another_program_that_computes_something_else_is_found(joints, tmp_path, monkeypatch):
     text = PROGRAM.read_text().replace("r - q for", "1.01 * (r - q) for")
     (tmp_path / "mine.py").write_text(text)

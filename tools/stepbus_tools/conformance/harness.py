@@ -19,7 +19,7 @@ from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.run.bus import Session, open_bus
 from stepbus_orchestrator.run.player import Player, Ports
 from stepbus_participant import Endpoint, Request, ZenohBus
-from stepbus_schemas import Batch, Description, Refusal, Start, due_step, encode, encoding_of
+from stepbus_schemas import Batch, Description, Fault, Refusal, Start, due_step, encode, encoding_of
 from stepbus_tools.conformance.material import Feed, Material, Setup
 from stepbus_tools.conformance.slots import SharedSlots
 from stepbus_tools.conformance.transcript import Failed, Transcript
@@ -312,6 +312,15 @@ class Harness:
         # What else is wrong may be the cause.
         problem = next((f"; {text} ({c})" for c, text in transcript.problems.items()), "")
         raise Failed(f"{what} did not arrive{how}{problem}")
+
+    def fault_during(self, play: Callable[[], None]) -> Fault | None:
+        """Return the fault that it reports meanwhile, if any; raises other failures."""
+        try:
+            play()
+        except Failed:
+            if not self.transcript.faults:
+                raise
+        return next(iter(self.transcript.faults), None)
 
     def _last_wait(self) -> str:
         waiting = self.transcript.logs[-1].waiting if self.transcript.logs else None

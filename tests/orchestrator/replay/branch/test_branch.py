@@ -72,22 +72,11 @@ def test_without_a_change_the_recording_is_the_same(recorded, tmp_path, at):
     assert found.result.recording.read_bytes() == recorded.read_bytes()
 
 
-def test_processes_of_their_own_make_the_same(recorded, tmp_path):
-    found = branch(recorded, tmp_path / "b", at=43)
+@pytest.mark.parametrize("transport", ["unix", "tcp"])
+def test_processes_of_their_own_make_the_same(recorded, tmp_path, transport):
+    found = branch(recorded, tmp_path / "b", at=43, set=[f"bus.transport={transport}"])
     assert found.equal
     assert found.way_s > 0
-
-
-def test_it_works_over_tcp_where_each_may_publish_on_its_own_keys_only(recorded, tmp_path):
-    assert branch(recorded, tmp_path / "b", at=43, set=["bus.transport=tcp"]).equal
-
-
-def test_a_changed_participant_counts_from_the_step_on(recorded, tmp_path):
-    other = "controller.params={fault: gain, at: 0}"
-    found = branch(recorded, tmp_path / "b", at=43, set=[other], in_process=True)
-    assert found.result.exit_code == 0
-    assert found.changed == ["controller"]
-    assert below(found.result.recording, 43) == below(recorded, 43)
 
 
 @pytest.fixture
@@ -125,6 +114,7 @@ def test_a_program_is_changed_by_its_absolute_path_and_runs_again_from_the_recor
     other.write_text(textwrap.dedent(GAIN).replace("-self.gain", "-3 * self.gain"))
     setting = f"controller.participant={other}:Controller"
     found = branch(gained, tmp_path / "b", at=43, set=[setting], in_process=True)
+    assert found.changed == ["controller"]
     now, before = Recording(found.result.recording), Recording(gained)
     values = [part["controller.command"].values[43] for part in (now, before)]
     assert values[0] == pytest.approx(3 * values[1])
@@ -183,13 +173,6 @@ def test_a_participant_that_is_not_deterministic_is_named(tmp_path):
     assert found.result.participant == "controller"
     assert 30 < found.result.at_step < 90
     assert "controller/command: values[" in found.result.reason
-
-
-def test_a_participant_that_fails_on_the_way_is_named(recorded, tmp_path):
-    crash = fault("controller", "raise", 10)
-    found = branch(recorded, tmp_path / "b", at=43, set=[crash], in_process=True)
-    assert found.result.exit_code == ExitCode.FAULT
-    assert found.result.participant == "controller"
 
 
 def test_an_end_that_a_changed_participant_asks_for_on_the_way_is_not_its_to_ask(
@@ -263,9 +246,9 @@ def test_a_failed_participant_is_replaced_behind_the_step(recorded, tmp_path):
 
 def test_nobody_is_replaced_on_the_way(recorded, tmp_path):
     changes = ["controller.on_fault=hold", fault("controller", "kill", 10)]
-    found = branch(recorded, tmp_path / "b", at=43, set=changes)
-    assert found.result.exit_code == ExitCode.DIED
-    assert "held" not in found.result.reason
+    result = branch(recorded, tmp_path / "b", at=43, set=changes).result
+    assert (result.exit_code, result.participant) == (ExitCode.DIED, "controller")
+    assert "held" not in result.reason
 
 
 @pytest.mark.slow

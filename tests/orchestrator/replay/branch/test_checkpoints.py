@@ -75,12 +75,6 @@ def test_a_branch_from_checkpoints_is_the_recording(saved, tmp_path, at):
     assert found.restored == ({} if not start else dict.fromkeys(NAMES, start))
 
 
-def test_without_checkpoints_it_is_the_same(saved, tmp_path):
-    found = branch(saved, tmp_path / "b", at=250, checkpoints=False, in_process=True)
-    assert found.equal
-    assert found.restored == {}
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("transport", ["unix", pytest.param("tcp", marks=pytest.mark.slow)])
 def test_processes_of_their_own_save_and_start_from_checkpoints_too(
@@ -110,14 +104,6 @@ def test_a_damaged_state_is_named_and_an_earlier_one_used(copy, tmp_path):
     assert found.equal
     assert found.restored == {"plant": 100, "controller": 200, "mission": 200}
     assert [note for note in found.notes if "plant.200 is damaged" in note]
-
-
-def test_without_any_sound_state_all_start_at_0(copy, tmp_path):
-    for path in (copy.parent / "checkpoints").glob("*.*00"):
-        path.unlink()
-    found = branch(copy, tmp_path / "b", at=250, in_process=True)
-    assert found.equal
-    assert found.restored == {}
 
 
 @pytest.mark.parametrize("index", [b"", b"{}", b'{"recording": "00", "states": {}}'])

@@ -21,6 +21,96 @@ _TERM_S = 1.0
 _WAITING_S = 0.1
 
 
+# --- faults -------------------------------------------------------------------------------------
+
+
+def _ports_of(kit: Kit) -> dict[str, set[str]]:
+    """Return source → its ports that the participant reads."""
+    return {
+        source: {item.port for item in kit.spec.inputs.values() if item.source == source}
+        for source in kit.feed
+    }
+
+
+def _fatal(
+    name: str,
+    clause: str,
+    when: str,
+    spoil: Spoil,
+    *,
+    ports_of: Callable[[Kit], dict[str, set[str]]] = _ports_of,
+    setup: Setup | None = None,
+) -> Check:
+    """Return the check of an input that is fatal: each source publishes it in turn."""
+
+    def run(kit: Kit) -> str:
+        rows = ports_of(kit).items()
+        return "; ".join(_blames(kit, source, spoil, ports, setup) for source, ports in rows)
+
+    summary = f"it reports a fault of the source {when}"
+    return Check(name=name, clause=clause, summary=summary, run=run, inputs=True, plain=True)
+
+
+def _blames(
+    kit: Kit, source: str, spoil: Spoil, ports: Collection[str], setup: Setup | None
+) -> str:
+    """Spoil a step in the middle at which a source publishes one of some ports.
+
+    Return the fault that the participant reports; raises Failed where it does not blame the source.
+    """
+    steps = [s for s, row in kit.feed[source].items() if any(port in row for port in ports)]
+    if not steps:
+        raise Skipped(f"{source} publishes nothing that it reads")
+    at = steps[len(steps) // 2]
+    with kit.running(at, setup) as harness:
+        fault = harness.fault_during(lambda: _walk_to_fault(kit, harness, source, at, spoil))
+        if fault is None:
+            raise Failed(f"it did all {kit.steps} steps, and reported no fault of {source}")
+        _check_fault(harness, fault, source)
+        return f"{source}: {fault.message[:100]}"
+
+
+def _walk_to_fault(kit: Kit, harness: Harness, source: str, at: int, spoil: Spoil) -> None:
+    # All peers continue, so that it meets what is wrong, however late it checks.
+    harness.release(kit.steps)
+    for step in range(at, kit.steps):
+        for name, rows in kit.feed.items():
+            if name == source and step == at:
+                spoil(harness, name, step, rows[step])
+            elif step in rows:
+                harness.publish(name, step, rows[step])
+    transcript = harness.transcript
+    harness.until(
+        lambda: transcript.faults or transcript.newest >= kit.steps - kit.spec.every,
+        "a Fault",
+        kit.spec.deadlines.step_s,
+        harness.repeat,
+        faults=True,
+    )
+    if not transcript.faults:
+        # One that publishes first may take in its last inputs only now.
+        harness.idle(0.2)
+
+
+def _check_fault(harness: Harness, fault: Fault, source: str) -> None:
+    if fault.blames != source:
+        blamed = fault.blames or "no participant"
+        raise Failed(f"its fault blames {blamed}, not {source}: {fault.message}")
+    harness.idle(0.05)
+    transcript = harness.transcript
+    if transcript.logged != transcript.packed:
+        raise Failed(
+            f"{len(transcript.packed)} Outputs were published before the fault and "
+            f"{len(transcript.logged)} logged (P10.1)"
+        )
+    harness.stop(-1)
+    # It may wait for the Stop, though not for long (P10.1).
+    limit_s = harness.spec.deadlines.stop_s + 1.0
+    code = harness.await_end("the Stop after its fault", limit_s, harness.session.repeat_stop)
+    if code == 0:
+        raise Failed("it exited with code 0 after a fault (P10.1)")
+
+
 # --- bulk content in files that the participants share -----------------------------------------
 
 _SLOTS = Setup(has_slots=True)
@@ -53,111 +143,21 @@ def _slot_inputs(kit: Kit) -> dict[str, set[str]]:
     return {source: ports for source, ports in used.items() if ports}
 
 
-@check(
+def _publish_late(harness: Harness, source: str, step: int, ports: Ports) -> None:
+    harness.publish(source, step, ports, late=1)
+
+
+_SLOT_STAMP = _fatal(
+    "slot-stamp",
     "P17.4",
-    "it reports a fault of the source if a slot does not hold the announced step",
-    inputs=True,
-    plain=True,
+    "if a slot does not hold the announced step",
+    _publish_late,
+    ports_of=_slot_inputs,
+    setup=_SLOTS,
 )
-def _slot_stamp(kit: Kit) -> str:
-    def spoil(harness: Harness, source: str, step: int, ports: Ports) -> None:
-        harness.publish(source, step, ports, late=1)
-
-    rows = _slot_inputs(kit).items()
-    return "; ".join(blames(kit, source, spoil, ports, _SLOTS) for source, ports in rows)
 
 
-# --- faults -------------------------------------------------------------------------------------
-
-
-def _ports_of(kit: Kit) -> dict[str, set[str]]:
-    """Return source → its ports that the participant reads."""
-    return {
-        source: {item.port for item in kit.spec.inputs.values() if item.source == source}
-        for source in kit.feed
-    }
-
-
-def _fatal(
-    name: str,
-    clause: str,
-    when: str,
-    spoil: Spoil,
-    ports_of: Callable[[Kit], dict[str, set[str]]] = _ports_of,
-) -> Check:
-    """Return the check of an input that is fatal: each source publishes it in turn."""
-
-    def run(kit: Kit) -> str:
-        reports = (blames(kit, source, spoil, ports) for source, ports in ports_of(kit).items())
-        return "; ".join(reports)
-
-    summary = f"it reports a fault of the source {when}"
-    return Check(name=name, clause=clause, summary=summary, run=run, inputs=True, plain=True)
-
-
-def blames(
-    kit: Kit, source: str, spoil: Spoil, ports: Collection[str], setup: Setup | None = None
-) -> str:
-    """Spoil a step in the middle at which a source publishes one of some ports.
-
-    Return the fault that the participant reports; raises Failed where it does not blame the source.
-    """
-    steps = [s for s, row in kit.feed[source].items() if any(port in row for port in ports)]
-    if not steps:
-        raise Skipped(f"{source} publishes nothing that it reads")
-    at = steps[len(steps) // 2]
-    with kit.running(at, setup) as harness:
-        try:
-            _walk_to_fault(kit, harness, source, at, spoil)
-        except Failed:
-            if not harness.transcript.faults:
-                raise
-        fault = harness.transcript.faults[0]
-        _check_fault(harness, fault, source)
-        return f"{source}: {fault.message[:100]}"
-
-
-def _walk_to_fault(kit: Kit, harness: Harness, source: str, at: int, spoil: Spoil) -> None:
-    # All peers continue, so that it meets what is wrong, however late it checks.
-    harness.release(kit.steps)
-    for step in range(at, kit.steps):
-        for name, rows in kit.feed.items():
-            if name == source and step == at:
-                spoil(harness, name, step, rows[step])
-            elif step in rows:
-                harness.publish(name, step, rows[step])
-    transcript = harness.transcript
-    harness.until(
-        lambda: transcript.faults or transcript.newest >= kit.steps - kit.spec.every,
-        "a Fault",
-        kit.spec.deadlines.step_s,
-        harness.repeat,
-        faults=True,
-    )
-    if not transcript.faults:
-        # One that publishes first may take in its last inputs only now.
-        harness.idle(0.2)
-    if not transcript.faults:
-        raise Failed(f"it did all {kit.steps} steps, and reported no fault of {source}")
-
-
-def _check_fault(harness: Harness, fault: Fault, source: str) -> None:
-    if fault.blames != source:
-        blamed = fault.blames or "no participant"
-        raise Failed(f"its fault blames {blamed}, not {source}: {fault.message}")
-    harness.idle(0.05)
-    transcript = harness.transcript
-    if transcript.logged != transcript.packed:
-        raise Failed(
-            f"{len(transcript.packed)} Outputs were published before the fault and "
-            f"{len(transcript.logged)} logged (P10.1)"
-        )
-    harness.stop(-1)
-    # It may wait for the Stop, though not for long (P10.1).
-    limit_s = harness.spec.deadlines.stop_s + 1.0
-    code = harness.await_end("the Stop after its fault", limit_s, harness.session.repeat_stop)
-    if code == 0:
-        raise Failed("it exited with code 0 after a fault (P10.1)")
+# --- wrong inputs -----------------------------------------------------------------------------
 
 
 def _publish_twice(harness: Harness, source: str, step: int, ports: Ports) -> None:
@@ -208,7 +208,7 @@ _BULK_LENGTH = _fatal(
     "P8.3",
     "if bulk content does not have the announced length",
     _publish_too_long,
-    bulk_inputs,
+    ports_of=bulk_inputs,
 )
 
 

@@ -116,13 +116,8 @@ def _without(kit: Kit, name: str) -> str:
 def _or_fault(kit: Kit, feed: Feed, setup: Setup | None = None) -> Transcript | str:
     """Return a run, or the message of the fault that ends it."""
     with kit.running(setup=setup) as harness:
-        try:
-            harness.walk(feed, 0, kit.steps)
-        except Failed:
-            if not harness.transcript.faults:
-                raise
-            return harness.transcript.faults[0].message
-        return harness.transcript
+        fault = harness.fault_during(lambda: harness.walk(feed, 0, kit.steps))
+        return harness.transcript if fault is None else fault.message
 
 
 @check("P6.1", "an input with a larger `delay` gets the older message", inputs=True, plain=True)
@@ -177,12 +172,8 @@ def _nothing_due(kit: Kit) -> str:
     step = kit.spec.every if kit.spec.publishes == "first" else 0
     with kit.running(setup=setup) as harness:
         harness.release(step + 1)
-        try:
-            harness.await_output(step)
-        except Failed:
-            if not harness.transcript.faults:
-                raise
-            return f"does not wait: a fault ({harness.transcript.faults[0].message[:80]})"
+        if fault := harness.fault_during(lambda: harness.await_output(step)):
+            return f"does not wait: a fault ({fault.message[:80]})"
     return f"published step {step} before its sources"
 
 
