@@ -17,6 +17,7 @@ from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import make_mesh, new_token
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.run.bus import Session, open_bus
+from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.run.player import Player, Ports
 from stepbus_participant import Endpoint, Request, ZenohBus
 from stepbus_schemas import Batch, Description, Fault, Refusal, Start, due_step, encode, encoding_of
@@ -194,8 +195,8 @@ class Harness:
             query = self._queries.pop(each)
             if each == _WELCOME:
                 self.transcript.add_hello(query.payload)
-                answer = self._setup.answer(self.scenario, self.spec, self.token)
-                self.session.reply(query, answer)
+                welcome = welcome_of(self.scenario, self.spec, self.token)
+                self.session.reply(query, self._setup.answer(welcome))
             else:
                 time.sleep(_APART_S)
                 query.reply(each, encoding_of("Refusal/1"))
@@ -287,13 +288,16 @@ class Harness:
         self,
         condition: Callable[[], object],
         what: str,
-        timeout_s: float,
+        timeout_s: float = 0.0,
         tick: Callable[[], None] | None = None,
         *,
         faults: bool = False,
     ) -> None:
-        """Wait for a condition; tick: repeated meanwhile. faults: whether it may report one."""
-        transcript = self.transcript
+        """Wait for a condition; tick: repeated meanwhile. faults: whether it may report one.
+
+        timeout_s: default: the deadline for a step.
+        """
+        transcript, timeout_s = self.transcript, timeout_s or self.spec.deadlines.step_s
 
         def is_over() -> bool:
             return self.child.exit_code() is not None or bool(transcript.faults and not faults)
@@ -357,8 +361,7 @@ class Harness:
         self.until(
             lambda: self.transcript.newest >= due and not self.transcript.awaited,
             f"step {due}, with all that it announces," if has_bulk else f"step {due}",
-            self.spec.deadlines.step_s,
-            self.repeat if repeating else None,
+            tick=self.repeat if repeating else None,
         )
 
     def await_logged(self, count: int | None = None) -> None:
@@ -369,8 +372,7 @@ class Harness:
         self.until(
             lambda: len(transcript.logged) >= wanted,
             f"the log of step {step}",
-            self.spec.deadlines.step_s,
-            self.repeat,
+            tick=self.repeat,
         )
 
     def await_end(self, what: str, timeout_s: float, tick: Callable[[], None] | None = None) -> int:

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from msgspec import structs
@@ -12,7 +11,6 @@ from msgspec import structs
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import RecordedOutputs, recorded_descriptions
-from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.player import Ports
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -40,7 +38,7 @@ class Setup:
     """The configuration of one run; by default that of the scenario.
 
     window: steps in flight. delays: input → steps. every: source → it fires at multiples of this
-    [steps]. welcome: wrong fields of the `Welcome`. refusal: why it is refused. has_slots: the
+    [steps]. answer: makes another answer to its `Hello` out of the `Welcome`. has_slots: the
     program may use slots (P17). own_peers: the peers have a link of their own to the participant.
     join_timeout_s, protocols: of its ticket [s], [protocol numbers].
     """
@@ -48,8 +46,7 @@ class Setup:
     window: int | None = None
     delays: Mapping[str, int] = field(default_factory=dict)
     every: Mapping[str, int] = field(default_factory=dict)
-    welcome: Mapping[str, Any] = field(default_factory=dict)
-    refusal: str | None = None
+    answer: Callable[[Welcome], Welcome | Refusal] = lambda welcome: welcome
     has_slots: bool = False
     own_peers: bool = False
     join_timeout_s: float | None = None
@@ -72,13 +69,6 @@ class Setup:
         }
         limit_s = self.join_timeout_s or spec.deadlines.join_s
         return structs.replace(spec, inputs=inputs, join_timeout_ns=round(limit_s * 1e9))
-
-    def answer(self, scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome | Refusal:
-        """Return the answer to the participant's request to join."""
-        if self.refusal is not None:
-            return Refusal(reason=self.refusal)
-        welcome: Welcome = welcome_of(scenario, spec, token)
-        return structs.replace(welcome, **self.welcome)
 
     def linked(self, scenario: Scenario, spec: ParticipantSpec) -> Scenario:
         """Return the scenario of the processes with a link: one of the peers, the participant."""

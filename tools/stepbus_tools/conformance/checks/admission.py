@@ -5,9 +5,21 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+from msgspec.structs import replace
+
 from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_participant import TICKET_VARIABLE
-from stepbus_schemas import SPOKEN, Description, Hello, Protocols, Types, WiringError, offered
+from stepbus_schemas import (
+    SPOKEN,
+    Description,
+    Hello,
+    Protocols,
+    Refusal,
+    Types,
+    WiringError,
+    offered,
+)
 from stepbus_tools.conformance.harness import Harness
 from stepbus_tools.conformance.kit import Check, Kit, check
 from stepbus_tools.conformance.material import Setup, reverse_description
@@ -80,7 +92,7 @@ def _later_protocols(kit: Kit) -> str:
 def _port_types(kit: Kit) -> str:
     with kit.joined() as harness:
         hello = harness.transcript.hello
-    welcome: Any = Setup().answer(kit.material.scenario, kit.spec, "")
+    welcome = welcome_of(kit.material.scenario, kit.spec, "")
     if hello is None or (hello.inputs is None and hello.outputs is None):
         raise Skipped("its Hello names no ports, so the scenario's ports apply")
     for direction in ("inputs", "outputs"):
@@ -149,19 +161,25 @@ def _not_let_in(name: str, what: str, setup: Setup) -> Check:
     return Check(name=name, clause="P4.3", summary=summary, run=run)
 
 
-_REFUSED = _not_let_in("refused", "a `Refusal`", Setup(refusal="the conformance kit refuses you"))
+_REFUSED = _not_let_in(
+    "refused",
+    "a `Refusal`",
+    Setup(answer=lambda _: Refusal(reason="the conformance kit refuses you")),
+)
 _WELCOME_PROTOCOL = _not_let_in(
     "welcome-protocol",
     "a `Welcome` of a protocol that it does not speak",
-    Setup(welcome={"protocol": _UNKNOWN}),
+    Setup(answer=lambda welcome: replace(welcome, protocol=_UNKNOWN)),
 )
 _WELCOME_NAME = _not_let_in(
-    "welcome-name", "a `Welcome` for another name", Setup(welcome={"name": "another"})
+    "welcome-name",
+    "a `Welcome` for another name",
+    Setup(answer=lambda welcome: replace(welcome, name="another")),
 )
 _WELCOME_TOKEN = _not_let_in(
     "welcome-token",
     "a `Welcome` with another token",
-    Setup(welcome={"token": "0000000000000000"}),
+    Setup(answer=lambda welcome: replace(welcome, token="0" * 16)),
 )
 
 
@@ -173,8 +191,7 @@ def _handshake(kit: Kit) -> str:
         harness.until(
             lambda: transcript.handshakes >= count and len(transcript.readies) >= readies,
             "another handshake and Ready before the Start",
-            kit.spec.deadlines.step_s,
-            harness.player.send_handshake,
+            tick=harness.player.send_handshake,
         )
     if problem := transcript.problem("P4.6"):
         raise Failed(problem)

@@ -83,8 +83,7 @@ def _walk_to_fault(kit: Kit, harness: Harness, source: str, at: int, spoil: Spoi
     harness.until(
         lambda: transcript.faults or transcript.newest >= kit.steps - kit.spec.every,
         "a Fault",
-        kit.spec.deadlines.step_s,
-        harness.repeat,
+        tick=harness.repeat,
         faults=True,
     )
     if not transcript.faults:

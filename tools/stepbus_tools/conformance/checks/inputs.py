@@ -30,8 +30,7 @@ def _late_input(kit: Kit) -> str:
                 or transcript.waits(held, needed)
             ),
             f"a Log with waiting step {held} and a source of {sorted(needed)}",
-            kit.spec.deadlines.step_s,
-            harness.repeat,
+            tick=harness.repeat,
         )
         if transcript.newest > allowed:
             raise Failed(f"it published step {transcript.newest} without the inputs of step {held}")

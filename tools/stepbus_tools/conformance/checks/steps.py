@@ -102,7 +102,6 @@ def _waits_for_trigger(kit: Kit) -> str:
         harness.until(
             lambda: transcript.newest >= held or transcript.waits(held, set()),
             f"a Log with waiting step {held} and no sources",
-            kit.spec.deadlines.step_s,
         )
         if transcript.newest >= held:
             raise Failed(f"it published step {held} before a Trigger with step_limit > {held}")
