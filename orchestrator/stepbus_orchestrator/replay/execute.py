@@ -120,7 +120,7 @@ class Replayed(Repetition):
             self.notes.append(f"{name} {what}")
 
     def compare_step(self, name: str, step: int, recorded: Ports, own: Ports) -> None:
-        """Compare what the participant has published at a step."""
+        """Compare the outputs of the participant at a step."""
         for port, data in own.items():
             try:
                 if data != recorded.get(port):

@@ -1,4 +1,4 @@
-"""What a recording says a participant published, to be taken step by step."""
+"""The recorded outputs of participants, and how far a recording can be repeated."""
 
 from collections.abc import Iterable, Iterator
 
@@ -27,7 +27,7 @@ class RecordedOutputs:
         )
 
     def take(self, name: str, step: int) -> dict[str, bytes]:
-        """Return what a participant published at a step, which is not below the last one taken."""
+        """Return port → bytes of a step, which must not be below the last step taken."""
         while self._newest[name][0] < step:
             self._newest[name] = next(self._recorded[name], (FAR, {}))
         newest, ports = self._newest[name]

@@ -28,7 +28,7 @@ from stepbus_schemas import CallRecord, Description, due_step
 
 
 class Repetition(RunExtension):
-    """Plays what is recorded below a step, and compares what the run records below it.
+    """Plays the recorded steps below a step, and compares the steps of the run with them.
 
     at: the first step that is not recorded. starts_at: participants that start behind step 0, or at
     `FAR` and thus never, each with its step: what is before is taken from the recording.
@@ -57,7 +57,7 @@ class Repetition(RunExtension):
     # --- playing --------------------------------------------------------------------------
 
     def attach(self, run: RunView) -> None:
-        """Set where each participant starts, and prepare what is played and compared."""
+        """Set where each participant starts; prepare the player and the comparisons."""
         super().attach(run)
         state, recording = run.state, self.recording
         state.is_repeating = True
@@ -102,7 +102,7 @@ class Repetition(RunExtension):
             self.player.send_handshake()
 
     def ready(self) -> None:
-        """Look for outputs that are described otherwise than recorded."""
+        """Compare the descriptions of all outputs with the recorded ones."""
         for name, ports in self.comparisons.items():
             for port in ports:
                 recorded = self.recording.ports.get(topic_of(name, port))
@@ -112,7 +112,7 @@ class Repetition(RunExtension):
                     self.differs(name, -1, what)
 
     def act(self) -> None:
-        """Publish the recorded outputs of all steps that may be worked on; compare what came."""
+        """Publish the recorded outputs of all released steps; compare the outputs that came."""
         state = self.run.state
         limit = min(state.barrier.step_limit, self.at)
         for spec in self._played:
@@ -127,7 +127,7 @@ class Repetition(RunExtension):
     def revise(
         self, step: int, published: Sequence[Published], closing: Collection[str] | None
     ) -> Sequence[Published]:
-        """Compare the outputs of a step; return what is to be recorded of it."""
+        """Compare the outputs of a step; return the outputs to record."""
         while self._made and self._made[0].step <= step:
             self.run.recorder.write_call(self._made.popleft())
         if step >= self.at:
@@ -157,7 +157,7 @@ class Repetition(RunExtension):
                     yield own[name]
 
     def compare_step(self, name: str, step: int, recorded: Ports, own: Ports) -> None:
-        """Compare what a participant has published at a step."""
+        """Compare the outputs of a participant at a step."""
         for port, comparison in self.comparisons[name].items():
             if not comparison.take(step, recorded.get(port), own.get(port)):
                 first = comparison.divergence
@@ -165,7 +165,7 @@ class Repetition(RunExtension):
                 self.differs(name, step, f"does not repeat the recording: {what}")
 
     def revise_call(self, call: CallRecord) -> CallRecord:
-        """Compare a call that is made again; return what is to be recorded of it."""
+        """Compare a call that is made again; return the call to record."""
         if call.step >= self.at or not self._calls:
             return call
         recorded = self._calls.popleft()

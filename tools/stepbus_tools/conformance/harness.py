@@ -26,13 +26,13 @@ from stepbus_tools.conformance.slots import SharedSlots
 from stepbus_tools.conformance.transcript import Failed, Transcript
 
 Hook = Callable[["Harness", int], None]
-"""What is done at a step, beside what a plain run does."""
+"""An action at a step, in addition to those of a plain run."""
 
 _DRAIN_S = 5.0
 _TICK_S = 0.02
 # The last messages of a process may arrive a little after its end.
 _LAST_LINES_S = 0.1
-# After this time, a query that did not reach all who reply on `join` is dropped, and repeated.
+# After this time, a query that did not reach every queryable on `join` is dropped, and repeated.
 _ROUND_S = 0.5
 # Each link has its own order: replies on two of them keep theirs where they are this far apart.
 _APART_S = 0.05
@@ -51,7 +51,7 @@ def _nothing(_harness: "Harness", _step: int) -> None: ...
 
 
 class Harness:
-    """One started program, and both ends of the bus; a context that ends whatever it started.
+    """One started program, and both ends of the bus; a context that ends both.
 
     material: the played messages. command: the program's command line. cwd: where it is started.
     logs: gets its log. child: its process, once it is started. transcript: all messages it has
@@ -182,12 +182,12 @@ class Harness:
     # --- admission ---------------------------------------------------------------------------
 
     def drop_queries(self) -> None:
-        """Drop a query that did not reach all who reply; the program repeats it."""
+        """Drop a query that did not reach every queryable; the program repeats it."""
         if time.monotonic() - self._queried_at > _ROUND_S:
             self._queries.clear()
 
     def _on_query(self, reply: bytes, request: Request) -> None:
-        """Keep a query until it has reached all who reply; then they do, in their order."""
+        """Keep a query until it has reached every queryable; then they reply, in their order."""
         self._queries[reply], self._queried_at = request, time.monotonic()
         if len(self._queries) < len(self._replies):
             return
@@ -257,7 +257,7 @@ class Harness:
     # --- waiting -----------------------------------------------------------------------------
 
     def poll(self, timeout_s: float = _TICK_S) -> bool:
-        """Process what has arrived; return whether anything did within a time [s]."""
+        """Process the messages that have arrived; return whether any did within a time [s]."""
         if not self.control:
             # The bus is not open yet.
             time.sleep(timeout_s)
@@ -265,7 +265,7 @@ class Harness:
         return self.session.inbox.receive(timeout_s)
 
     def idle(self, duration_s: float) -> None:
-        """Process what arrives for some time [s]."""
+        """Process the messages that arrive for some time [s]."""
         end = time.monotonic() + duration_s
         while (left_s := end - time.monotonic()) > 0:
             self.poll(left_s)
@@ -334,7 +334,7 @@ class Harness:
         return f"; it reports that it is waiting for {who} at step {waiting.step}"
 
     def last_output(self) -> str:
-        """Return its last lines, as the end of a sentence."""
+        """Return its last lines of output, as the end of an error message."""
         output = self.child.last_output()
         return f"; its last output: {output}" if output else ""
 
@@ -376,7 +376,7 @@ class Harness:
         )
 
     def await_end(self, what: str, timeout_s: float, tick: Callable[[], None] | None = None) -> int:
-        """Return the exit code once the program has ended; what: after which event."""
+        """Return the exit code once the program has ended; what: the event before, for messages."""
         self._wait(lambda: self.child.exit_code() is not None, timeout_s, tick)
         if self.child.exit_code() is None:
             raise Failed(f"it did not end within {timeout_s:g} s of {what}")

@@ -1,4 +1,4 @@
-"""What a check is, and what checks share: a harness for each start, a plain run to compare with."""
+"""Checks, and their common ground: a harness for each start, a plain run to compare with."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Play = Callable[[Harness], None]
 class Kit:
     """One participant under test.
 
-    material: what the kit plays to it. command: its command line. cwd: where it is started. logs:
+    material: the played messages. command: its command line. cwd: where it is started. logs:
     gets a folder for each start of it. interrupt: ends everything when it is set. is_scenarios:
     whether it is the scenario's own program. knows_names: whether it learns the names of its
     inputs; not through the raw bridge. is_plain_checked: whether the check `steps` says what is
@@ -118,7 +118,7 @@ class Kit:
         play: Play | None = None,
         **hooks: Hook,
     ) -> Transcript:
-        """Run all steps in lockstep, with hooks as of `walk`, or `play`; return what was published.
+        """Run all steps in lockstep, with hooks as of `walk`, or `play`; return the transcript.
 
         Raises as `reference` where even a plain run fails.
         """

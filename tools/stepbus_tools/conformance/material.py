@@ -27,7 +27,7 @@ from stepbus_schemas import (
 )
 
 Feed = Mapping[str, Mapping[int, Ports]]
-"""Source → step → what it publishes."""
+"""Source → step → its messages."""
 
 Edit = Callable[[str, str, bytes], bytes]
 """Returns another message for (source, port, message)."""
@@ -87,7 +87,7 @@ _LEAST_FIRINGS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """Everything the kit plays to one participant.
+    """The messages that the kit plays to one participant.
 
     scenario: as many steps as there is material for. feed: by source. descriptions: of each
     input, with names. recording: the run's `run.mcap`, where it was kept.
@@ -106,7 +106,7 @@ class Material:
 
 
 def record(scenario: Scenario, participant: str, folder: Path) -> Material:
-    """Run a scenario for some steps and return what the sources of a participant published.
+    """Run a scenario for some steps and return the outputs of the sources of a participant.
 
     folder: for the run's files. Raises WiringError when it has no such participant, RunFailure
     when the run fails.

@@ -32,7 +32,7 @@ class SharedSlots:
         self._writers: dict[str, SlotWriter] = {}
 
     def agree(self, ready: Ready) -> Mapping[str, int]:
-        """Return what the `Start` says of slots."""
+        """Return output → number of its slots, for the `Start`."""
         self.agreed = {n: count for n, count in self._counts.items() if n in ready.slots}
         for name, count in self.agreed.items():
             self._writers[name] = SlotWriter(self._files[name], count, self.folder / name)
@@ -41,7 +41,7 @@ class SharedSlots:
     def write(
         self, source: str, outputs: Outputs, content: dict[str, bytes], late: int = 0
     ) -> tuple[Outputs, dict[str, bytes]]:
-        """Write content of a peer into slots; return its outputs, and what travels in messages.
+        """Write content of a peer into slots; return its outputs, and the content for messages.
 
         late: by how many steps the stamps are wrong.
         """
@@ -55,7 +55,7 @@ class SharedSlots:
         return structs.replace(outputs, slots=slots), rest
 
     def read(self, port: str, outputs: Outputs) -> bytes:
-        """Return what the participant has written; raises SlotError."""
+        """Return the content that the participant has written; raises SlotError."""
         name, length = file_name(self._name, port), outputs.bulk.get(port)
         if name not in self.agreed or length is None:
             raise SlotError("it is in a slot, but no slots were agreed on")
