@@ -73,7 +73,7 @@ class Environment:
         program, *words = shlex.split(command)
         variables = [f"HOME={self.folder}/home", "LANG=C.UTF-8", "COLUMNS=120"]
         variables.append(f"PATH={self.programs}:/usr/local/bin:/usr/bin:/bin")
-        line = ("env", "-i", *variables, self.programs / program, *words)
+        line: tuple[str | Path, ...] = ("env", "-i", *variables, self.programs / program, *words)
         return run(*line, cwd=cwd, patience_s=patience_s)
 
 
