@@ -1,4 +1,4 @@
-.PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots robots-page pictures gallery check docs bench soak campaign simulate clean setup
+.PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots robots-page pictures check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -17,8 +17,7 @@ help:
 	@echo "make chaos      inject two hundred faults (part of test-slow)"
 	@echo "make check      check formatting, lint, types, imports, generated files, changelog, workflows"
 	@echo "make docs       build the documentation site into build/docs"
-	@echo "make pictures   make every picture in the docs from real runs (Chromium; 4 min)"
-	@echo "make gallery    make the page docs/gallery.md and its pictures from real runs (3 min)"
+	@echo "make pictures   make every picture in the docs and the gallery from real runs (Chromium; 7 min)"
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes the first time)"
 	@echo "make robots     install stepbus-store, with the robots of store and baxter (414 MB)"
 	@echo "make robots-page load robots of other packages and make the page of their numbers (200 MB; 15 min)"
@@ -78,7 +77,6 @@ nightly: setup robots
 	@scripts/install_toolchains.sh
 	@$(MAKE) --no-print-directory release-check
 	@$(MAKE) --no-print-directory pictures PICTURES=--check
-	@$(MAKE) --no-print-directory gallery GALLERY=--check
 	@$(MAKE) --no-print-directory examples
 	@$(MAKE) --no-print-directory simulate SIMULATE='--runs 10000 --seed 3'
 	@$(MAKE) --no-print-directory campaign CAMPAIGN='--part runs --seed 3 --count 30 --patience 2.5'
@@ -126,9 +124,6 @@ lint-workflows: setup
 
 pictures: robots
 	@$(PYTHON) scripts/pictures.py $(PICTURES)
-
-gallery: robots
-	@$(PYTHON) scripts/gallery.py $(GALLERY)
 
 comparison: setup
 	@$(PYTHON) -m benchmarks.comparison.run $(COMPARISON)

@@ -2,13 +2,12 @@
 
     make release-check                              all parts, in this order (about 20 min)
     make release-check RELEASE='--only build'       only a part; may be repeated
-    make release-check RELEASE=--quick              build, metadata, contents and demo (1 min)
+    make release-check RELEASE=--quick              build and demo (1 min)
     make release-check RELEASE='--only extras --extra view'   only one of the extras
     make release-check RELEASE='--tag v0.2.0 --out dist'      also: the tag fits; keep the files
 
-    build     wheel and sdist of HEAD, and the wheel from the sdist: the same bytes
-    metadata  versions agree, `twine check --strict`
-    contents  every file that a package needs, and no other
+    build     wheel and sdist of HEAD, and the wheel from the sdist: the same bytes, every file that
+              a package needs and no other; versions agree, `twine check --strict`
     demo      the wheel, with the dependencies of this environment: run, new, doctor
     extras    the wheel and each extra in an empty environment, from the registry of pip
     docs      the examples of the pages, against the wheel
@@ -18,61 +17,176 @@ It builds what is committed. SOURCE_DATE_EPOCH is the time of that commit.
 
 import argparse
 import re
+import shlex
 import shutil
 import sys
+import sysconfig
 import tempfile
+import time
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
-from scripts.release_build import (
-    ROOT,
-    Built,
-    Failed,
-    Timer,
-    build_twice,
-    check_out,
-    commit_of_head,
-    differences,
-    run,
-    sha256,
-    tracked_files,
-)
-from scripts.release_contents import Layout, problems_of_sdist, problems_of_wheel
-from scripts.release_extras import EXTRAS, try_extra
-from scripts.release_venv import borrowed, try_demo
+from scripts.release_dist import ROOT, Failed, Layout, build, check_out, run, sha256, tracked_files
 
-PARTS = ("build", "metadata", "contents", "demo", "extras", "docs")
-QUICK = PARTS[:4]
-PROJECTS = {"stepbus": ".", "stepbus-store": "store"}
+PROJECTS = (".", "store")
+USES = ROOT / "scripts/release_uses"
+EXTRAS = tomllib.loads((USES / "extras.toml").read_text())
+"""Extra → `run`: commands in a folder with `USES` and a recording, `run.mcap`; `writes`: what
+comes of them."""
+RECORDING = ROOT / "tests/scenarios/golden/two_link.mcap"
+MESSAGES = re.compile(r"^messages  ([0-9a-f]{64})$", re.MULTILINE)
 HASHES = {
-    "pybullet": (r"^messages  ([0-9a-f]{64})$", ((3, 11),)),
-    "mujoco": (r"^`([0-9a-f]{64})`\.$", ((3, 11), (3, 12), (3, 13))),
+    "pybullet": (MESSAGES, ((3, 11),)),
+    "mujoco": (re.compile(r"^`([0-9a-f]{64})`\.$", re.MULTILINE), ((3, 11), (3, 12), (3, 13))),
 }
 """Engine → the line of README.md with the hash of its messages, and the Pythons that it is for."""
-DOCS_PATIENCE_S = 1800.0
+LONG_S = 1800.0
 
 
-@dataclass(frozen=True)
+class Environment:
+    """A virtual environment and an empty home in a folder, in which a user works."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.programs = folder, folder / "env/bin"
+        (folder / "home").mkdir(parents=True)
+        run(sys.executable, "-m", "venv", "--without-pip", folder / "env", cwd=folder)
+
+    def pip(self, *words: str | Path) -> None:
+        """Install into it with the pip of this Python."""
+        pip = (sys.executable, "-m", "pip", "--python", self.programs / "python")
+        run(*pip, "install", "-q", *words, cwd=self.folder, patience_s=LONG_S)
+        if "--no-deps" not in words:
+            run(*pip, "check", cwd=self.folder)
+
+    def borrow(self, wheel: Path) -> None:
+        """Install a wheel and link the packages of this Python, which takes a second."""
+        (site,) = (self.folder / "env").glob("lib/python*/site-packages")
+        for entry in Path(sysconfig.get_path("purelib")).iterdir():
+            if "stepbus" not in entry.name and entry.name != "__pycache__":
+                (site / entry.name).symlink_to(entry)
+        self.pip("--no-deps", "--no-index", wheel)
+
+    def run(self, command: str, cwd: Path, patience_s: float = 300.0) -> str:
+        """Return what one of its programs prints; raises Failed."""
+        program, *words = shlex.split(command)
+        variables = [f"HOME={self.folder}/home", "LANG=C.UTF-8", "COLUMNS=120"]
+        variables.append(f"PATH={self.programs}:/usr/local/bin:/usr/bin:/bin")
+        line: tuple[str | Path, ...] = ("env", "-i", *variables, self.programs / program, *words)
+        return run(*line, cwd=cwd, patience_s=patience_s)
+
+
 class Release:
-    """A release under test. folder: temporary. files: path → content of the commit's files."""
+    """The release of HEAD. folder: temporary. options: of the command line."""
 
-    folder: Path
-    commit: str
-    epoch: str
-    files: dict[str, bytes]
-    built: dict[str, Built]
+    def __init__(self, folder: Path, options: argparse.Namespace) -> None:
+        self.folder, self.options = folder, options
+        self.commit, self.epoch = run("git", "log", "-1", "--format=%H %ct", cwd=ROOT).split()
+        self.files = tracked_files(self.commit)
+        self.version = Layout(self.files).version
+        self.built: list[Path] = []
+        say(f"commit {self.commit[:10]}, SOURCE_DATE_EPOCH {self.epoch}, in {folder}")
 
     @property
     def wheel(self) -> Path:
         """Return the wheel of stepbus."""
-        return self.built["stepbus"].wheel
+        return self.built[1]
 
-    def layout(self, name: str) -> Layout:
-        """Return the expected contents of a project's distributions."""
-        return Layout(self.files, PROJECTS[name])
+    def build(self) -> Iterator[str]:
+        """Build each project; yield what is wrong with its files, version and metadata."""
+        for project in PROJECTS:
+            place = self.folder / "built" / Layout(self.files, project).name
+            sdist, wheel, problems = build(self.files, place, self.epoch, project)
+            self.built += [sdist, wheel]
+            yield from problems
+            if self.version not in wheel.name:
+                yield f"{wheel.name} is not of version {self.version}"
+        for file in self.built:
+            say(f"build: {file.name}, {file.stat().st_size:,} bytes, sha256 {sha256(file)}")
+        if self.options.tag is not None:
+            changelog = self.files["CHANGELOG.md"].decode()
+            yield from problems_of_tag(self.options.tag, self.version, changelog)
+        twine = (sys.executable, "-m", "twine", "--no-color", "check", "--strict")
+        run(*twine, *self.built, cwd=ROOT)
+
+    def demo(self) -> Iterator[str]:
+        """Do what the first page promises, with the packages of this environment."""
+        environment = Environment(self.folder / "demo")
+        environment.borrow(self.wheel)
+        folder = self.folder / "demo/work"
+        folder.mkdir()
+        said = environment.run("stepbus --version", folder).strip()
+        if said != f"stepbus {self.version}":
+            yield f"stepbus --version prints {said}"
+        messages = hash_of(environment.run("stepbus run two_link --out first", folder))
+        wanted = None if self.options.any_arithmetic else wanted_hash()
+        if wanted not in (None, messages):
+            yield f"the messages of `stepbus run two_link`: {messages}, expected {wanted}"
+        for name in ("run.mcap", "report.html", "report.png"):
+            if not (folder / "first" / name).is_file():
+                yield f"`stepbus run two_link` writes no {name}"
+        environment.run("stepbus new my_arm", folder)
+        hash_of(environment.run("stepbus run my_arm", folder))
+        environment.run("stepbus doctor", folder)
+        if (left := sorted(path.name for path in folder.iterdir())) != ["first", "my_arm", "runs"]:
+            yield f"the working folder has {left}"
+
+    def extras(self) -> Iterator[str]:
+        """Install each extra into an empty environment and use it; yield those that fail."""
+        for name in self.options.extra or EXTRAS:
+            began, place = time.monotonic(), self.folder / f"extra-{name}"
+            try:
+                self._try_extra(name, place)
+            except Failed as exc:
+                yield f"extra {name}: {exc}"
+            say(f"extras: {name}: {time.monotonic() - began:.0f} s")
+            shutil.rmtree(place)  # ten environments would need 5 GB
+
+    def _try_extra(self, name: str, place: Path) -> None:
+        environment, use = Environment(place), EXTRAS[name]
+        extra = "" if name == "none" else f"[{name}]"
+        cache = ("--cache-dir", self.folder / "pip", "-c", ROOT / "constraints.txt")
+        environment.pip(*cache, f"stepbus{extra} @ {self.wheel.as_uri()}")
+        folder = shutil.copytree(USES, place / "work")
+        shutil.copy(RECORDING, folder / "run.mcap")
+        for command in use["run"]:
+            environment.run(command, folder)
+        for written in use.get("writes", ()):
+            path = folder / written
+            if not path.exists() or (path.is_file() and not path.stat().st_size):
+                raise Failed(f"{written} was not written")
+
+    def docs(self) -> Iterator[str]:
+        """Run the tests of the pages' examples in a checkout, where `stepbus` is the wheel."""
+        environment = Environment(self.folder / "docs")
+        environment.borrow(self.wheel)
+        clone = check_out(self.files, self.folder / "docs/clone")
+        program = "import stepbus, sys; sys.exit(not stepbus.__file__.startswith(sys.prefix))"
+        environment.run(f"python -c {shlex.quote(program)}", clone)
+        pytest = "python -m pytest tests/docs/test_examples.py -k page -n 2 -m 'slow or not slow'"
+        said = environment.run(pytest, clone, LONG_S)
+        say(f"docs: {said.strip().splitlines()[-1].strip('= ')}")
+        yield from ()
+
+    def keep(self, out: Path) -> None:
+        """Copy the files that were checked into a folder, with their hashes in SHA256SUMS."""
+        names = {file: f"{file.parents[1].name}/{file.name}" for file in self.built}
+        for file, name in names.items():
+            (out / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(file, out / name)
+        sums = "".join(f"{sha256(file)}  {name}\n" for file, name in names.items())
+        (out / "SHA256SUMS").write_text(sums)
+        say(f"{len(names)} files and SHA256SUMS in {out}")
+
+
+PARTS: dict[str, Callable[[Release], Iterator[str]]] = {
+    "build": Release.build,
+    "demo": Release.demo,
+    "extras": Release.extras,
+    "docs": Release.docs,
+}
+QUICK = ["build", "demo"]
 
 
 def say(line: str) -> None:
@@ -81,166 +195,51 @@ def say(line: str) -> None:
     sys.stdout.flush()
 
 
-def build_all(release: Release) -> list[str]:
-    """Build each project, and its wheel again from its sdist; return what differs."""
-    problems: list[str] = []
-    for name, folder in PROJECTS.items():
-        place = release.folder / name
-        clean, from_sdist = build_twice(release.files, place, release.epoch, folder)
-        release.built[name] = clean
-        problems += differences(clean, from_sdist)
-        for file in clean.files:
-            say(f"build: {file.name}, {file.stat().st_size:,} bytes, sha256 {sha256(file)}")
-    return problems
-
-
-def check_metadata(release: Release, tag: str | None) -> list[str]:
-    """Return the problems of versions and metadata."""
-    versions = {name: release.layout(name).version for name in PROJECTS}
-    problems = []
-    if len(set(versions.values())) > 1:
-        problems.append(f"the pyproject.toml have different versions: {versions}")
-    if tag is not None:
-        problems += problems_of_tag(
-            tag, versions["stepbus"], release.files["CHANGELOG.md"].decode()
-        )
-    files = [file for built in release.built.values() for file in built.files]
-    try:
-        run(sys.executable, "-m", "twine", "--no-color", "check", "--strict", *files, cwd=ROOT)
-    except Failed as exc:
-        problems.append(str(exc))
-    return problems
-
-
-def problems_of_tag(tag: str, version: str, changelog: str) -> list[str]:
-    """Return what does not fit a tag: the version, or the changelog that has no such section."""
-    problems = []
+def problems_of_tag(tag: str, version: str, changelog: str) -> Iterator[str]:
+    """Yield what does not fit a tag: the version, or the changelog that has no such section."""
     if tag != f"v{version}":
-        problems.append(f"the tag {tag} is not v{version}, the version of pyproject.toml")
+        yield f"the tag {tag} is not v{version}, the version of pyproject.toml"
     if not re.search(rf"^## {re.escape(version)}\b", changelog, re.MULTILINE):
-        problems.append(f"CHANGELOG.md has no section `## {version}`")
-    return problems
+        yield f"CHANGELOG.md has no section `## {version}`"
 
 
-def check_contents(release: Release) -> list[str]:
-    """Return the problems of the files' contents."""
-    problems: list[str] = []
-    for name, built in release.built.items():
-        layout = release.layout(name)
-        problems += problems_of_wheel(built.wheel, layout)
-        problems += problems_of_sdist(built.sdist, layout)
-        say(f"contents: {name}: {len(layout.wheel())} files in the wheel")
-    return problems
-
-
-def wanted_hash(python: tuple[int, int], *, any_arithmetic: bool, engine: str) -> str | None:
-    """Return the hash of two_link's messages that README.md shows; None: any will do."""
-    line, pythons = HASHES[engine]
-    if any_arithmetic or python not in pythons:
-        return None
-    match = re.search(line, (ROOT / "README.md").read_text(), re.MULTILINE)
+def hash_of(said: str, pattern: re.Pattern[str] = MESSAGES) -> str:
+    """Return the hash of the messages from the summary of a run; raises Failed."""
+    match = pattern.search(said)
     if match is None:
-        raise Failed(f"README.md shows no hash of the messages with {engine}")
+        raise Failed(f"no hash of messages in:\n{said}")
     return match[1]
 
 
-def check_demo(release: Release, options: argparse.Namespace) -> list[str]:
-    """Run the demo from the wheel, with the packages of this environment."""
-    place = release.folder / "demo"
-    place.mkdir()
-    environment = borrowed(place, release.wheel)
-    engine = "pybullet" if find_spec("pybullet") else "mujoco"
-    wanted = wanted_hash(sys.version_info[:2], any_arithmetic=options.any_arithmetic, engine=engine)
-    for line in try_demo(environment, release.layout("stepbus").version, wanted):
-        say(f"demo: {line}")
-    return []
-
-
-def check_extras(release: Release, options: argparse.Namespace) -> list[str]:
-    """Install each extra into an empty environment and use it; return those that fail."""
-    problems = []
-    names = options.extra or list(EXTRAS)
-    for name in names:
-        place = release.folder / f"extra-{name}"
-        place.mkdir()
-        timer = Timer()
-        try:
-            cache = release.folder / "pip"
-            line = try_extra(name, place, release.wheel, cache)
-            say(f"extras: {name}: {line}, {timer}")
-        except Failed as exc:
-            problems.append(f"extra {name}: {exc}")
-            say(f"extras: {name}: FAILED, {timer}")
-        shutil.rmtree(place)  # ten environments would need 5 GB
-    return problems
-
-
-def check_docs(release: Release) -> list[str]:
-    """Run the tests of the pages' examples in a checkout, where `stepbus` is the wheel."""
-    place = release.folder / "docs"
-    place.mkdir()
-    environment = borrowed(place, release.wheel)
-    clone = check_out(release.files, place / "clone")
-    program = "import stepbus, sys; sys.exit(not stepbus.__file__.startswith(sys.prefix))"
-    environment.run("python", "-c", program, cwd=clone)
-    words = ["-m", "pytest", "tests/docs/test_examples.py", "-k", "page", "-n", "2"]
-    words += ["-m", "slow or not slow"]
-    said = environment.run("python", *words, cwd=clone, patience_s=DOCS_PATIENCE_S)
-    say(f"docs: {said.strip().splitlines()[-1].strip('= ')}")
-    return []
-
-
-def parts(options: argparse.Namespace) -> Iterator[tuple[str, Callable[[Release], list[str]]]]:
-    """Yield the parts that are wanted; the build comes first, since all others need its files."""
-    checks: dict[str, Callable[[Release], list[str]]] = {
-        "build": build_all,
-        "metadata": lambda release: check_metadata(release, options.tag),
-        "contents": check_contents,
-        "demo": lambda release: check_demo(release, options),
-        "extras": lambda release: check_extras(release, options),
-        "docs": check_docs,
-    }
-    for name, check in checks.items():
-        if name == "build" or not options.only or name in options.only:
-            yield name, check
+def wanted_hash() -> str | None:
+    """Return the hash of two_link's messages that README.md shows; None: of no such Python."""
+    pattern, pythons = HASHES["pybullet" if find_spec("pybullet") else "mujoco"]
+    page = (ROOT / "README.md").read_text()
+    return hash_of(page, pattern) if sys.version_info[:2] in pythons else None
 
 
 def examine(options: argparse.Namespace, folder: Path) -> list[str]:
     """Make all checks that are wanted, and return what is wrong; stop where nothing is built."""
-    commit, epoch = commit_of_head()
-    release = Release(folder, commit, epoch, tracked_files(commit), {})
-    say(f"commit {commit[:10]}, SOURCE_DATE_EPOCH {epoch}, in {folder}")
-    problems: list[str] = []
-    for name, check in parts(options):
-        timer = Timer()
+    release, problems = Release(folder, options), []
+    for name, check in PARTS.items():
+        if name != "build" and options.only and name not in options.only:
+            continue
+        began = time.monotonic()
         try:
-            wrong = check(release)
+            wrong = list(check(release))
         except Failed as exc:
             wrong = [str(exc)]
-        say(f"{name}: {'FAILED' if wrong else 'passed'} after {timer}")
         problems += [f"{name}: {line}" for line in wrong]
-        if len(release.built) < len(PROJECTS):
-            return problems
+        say(f"{name}: {'FAILED' if wrong else 'passed'} after {time.monotonic() - began:.0f} s")
+        if len(release.built) < 2 * len(PROJECTS):
+            break
     if options.out is not None and not problems:
-        keep(release, options.out)
+        release.keep(options.out)
     return problems
 
 
-def keep(release: Release, out: Path) -> None:
-    """Copy the files that were checked into a folder, with their hashes in SHA256SUMS."""
-    out.mkdir(parents=True, exist_ok=True)
-    lines = []
-    for name, built in release.built.items():
-        (out / name).mkdir(exist_ok=True)
-        for file in built.files:
-            shutil.copy(file, out / name / file.name)
-            lines.append(f"{sha256(file)}  {name}/{file.name}\n")
-    (out / "SHA256SUMS").write_text("".join(lines))
-    say(f"{len(lines)} files and SHA256SUMS in {out}")
-
-
-def options_of(words: Sequence[str]) -> argparse.Namespace:
-    """Return the options of the command line."""
+def main() -> int:
+    """Make the checks and print the verdict; return 1 where something is wrong."""
     parser = argparse.ArgumentParser(
         prog="make release-check",
         description=__doc__,
@@ -249,18 +248,12 @@ def options_of(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--only", action="append", choices=PARTS, help="this part; may be repeated")
     text = f"the same as --only for {', '.join(QUICK)}"
     parser.add_argument("--quick", dest="only", action="store_const", const=QUICK, help=text)
-    parser.add_argument("--extra", action="append", choices=list(EXTRAS), help="of these extras")
+    parser.add_argument("--extra", action="append", choices=EXTRAS, help="of these extras")
     parser.add_argument("--tag", metavar="vX.Y.Z", help="check that the tag fits the version")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="keep the files that passed")
     text = "do not compare with the hash of README.md: another processor may give another one"
     parser.add_argument("--any-arithmetic", action="store_true", help=text)
-    return parser.parse_args(words)
-
-
-def main(words: Sequence[str]) -> int:
-    """Make the checks and print the verdict; return 1 where something is wrong."""
-    options, timer = options_of(words), Timer()
-    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="sb-release-", ignore_cleanup_errors=True) as folder:
         try:
             problems = examine(options, Path(folder))
@@ -268,11 +261,10 @@ def main(words: Sequence[str]) -> int:
             problems = [str(exc)]
     for line in problems:
         say(line)
-    which = ", ".join(options.only) if options.only else "all parts"
-    verdict = f"FAILED, {len(problems)} problems" if problems else "passed"
-    say(f"{verdict}: stepbus {version}, {which}, {timer}")
+    parts = ", ".join(options.only) if options.only else "all parts"
+    say(f"{f'FAILED, {len(problems)} problems' if problems else 'passed'}: {parts}")
     return 1 if problems else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

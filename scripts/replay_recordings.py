@@ -25,11 +25,10 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
-from typing import Any
 
 DIFFERENT = 10
 NAME = re.compile("[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
@@ -44,13 +43,11 @@ class WrongOptionError(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What to replay, and how."""
+    """What to replay, and how. words: of `stepbus replay`."""
 
-    recordings: list[Path]
+    recordings: list[str]
     participants: list[str]
-    tolerance: str
-    source: str
-    trust: bool
+    words: list[str]
     timeout: float
     out: Path
 
@@ -59,35 +56,27 @@ class Options:
 class Replay:
     """The result of one participant of one recording.
 
-    `code`: exit code of `stepbus replay`; `result`: its JSON, empty where it failed; `problem`: its
-    error message, where it failed; `files`: names of report and new recording, where it differs.
+    code: of `stepbus replay`; said: what it printed; files: names of report and new recording,
+    where it differs.
     """
 
-    recording: Path
+    recording: str
     participant: str
     code: int
-    result: Mapping[str, Any]
-    problem: str = ""
-    files: tuple[str, ...] = ()
+    said: str
+    files: Sequence[str] = ()
 
     @property
     def verdict(self) -> str:
-        """The result in one word. Markdown."""
-        return {0: "equal", DIFFERENT: "**different**"}.get(self.code, "**failed**")
+        """The result in one word."""
+        return {0: "equal", DIFFERENT: "different"}.get(self.code, "failed")
 
     @property
-    def divergence(self) -> str:
-        """The first divergence in one line; the error message where the replay failed."""
-        first = self.result.get("divergence")
-        if not first:
-            return self.problem.splitlines()[0] if self.problem else ""
-        place = f"step {first['step']}: {first['topic']}"
-        if first.get("field"):
-            name, (field, _, rest) = first.get("name"), first["field"].partition("[")
-            place += f": {field}[{name}]{rest.partition(']')[2]}" if name else f": {first['field']}"
-        if first.get("type") != "value":
-            return f"{place}: {first.get('type')}"
-        return f"{place}: recording {first['first']}, replay {first['second']}"
+    def reason(self) -> str:
+        """The first divergence, or why the replay failed, in one line."""
+        divergence = re.search(r"^first divergence: (.*)", self.said, re.MULTILINE)
+        lines = [divergence[1]] if divergence else self.said.splitlines()
+        return lines[0] if self.code and lines else ""
 
 
 def options_from(env: Mapping[str, str]) -> Options:
@@ -95,7 +84,7 @@ def options_from(env: Mapping[str, str]) -> Options:
     patterns = [line.strip() for line in env.get("RECORDINGS", "").splitlines() if line.strip()]
     if not patterns:
         raise WrongOptionError("recordings: name a recording or a pattern, e.g. tests/logs/*.mcap")
-    recordings = [Path(path) for pattern in patterns for path in matches(pattern)]
+    recordings = [path for pattern in patterns for path in matches(pattern)]
     if not env.get("OUT"):
         raise WrongOptionError("OUT: name the folder of reports")
     out = Path(env["OUT"])
@@ -113,12 +102,13 @@ def options_from(env: Mapping[str, str]) -> Options:
     participants = env.get("PARTICIPANTS", "").split()
     if wrong := [name for name in participants if not NAME.fullmatch(name)]:
         raise WrongOptionError(f"participants: {wrong[0]!r} is no name of a participant")
+    words = ["--trust"] if trust == "true" else []
+    for option in ("tolerance", "source"):
+        words += [f"--{option}", env[option.upper()]] if env.get(option.upper()) else []
     return Options(
         recordings=list(dict.fromkeys(recordings)),
         participants=participants,
-        tolerance=env.get("TOLERANCE", ""),
-        source=env.get("SOURCE", ""),
-        trust=trust == "true",
+        words=words,
         timeout=timeout,
         out=out,
     )
@@ -132,8 +122,8 @@ def matches(pattern: str) -> list[str]:
     return paths
 
 
-def stepbus(*arguments: str, timeout: float) -> tuple[int, str, str]:
-    """Run a stepbus command; return its exit code, output and errors."""
+def stepbus(*arguments: str, timeout: float) -> tuple[int, str]:
+    """Run a stepbus command; return its exit code, and its output, or its errors."""
     try:
         done = subprocess.run(
             ["stepbus", *arguments],
@@ -148,8 +138,9 @@ def stepbus(*arguments: str, timeout: float) -> tuple[int, str, str]:
             "stepbus is not installed: set the input `stepbus`, or install it in an earlier step"
         ) from None
     except subprocess.TimeoutExpired:
-        return 1, "", f"no result after {timeout:g} s: stepbus {' '.join(arguments)}"
-    return done.returncode, done.stdout, done.stderr.strip()
+        return 1, f"no result after {timeout:g} s: stepbus {' '.join(arguments)}"
+    said = done.stdout.strip() or done.stderr.strip()
+    return done.returncode, said or f"stepbus {arguments[0]} ended with exit code {done.returncode}"
 
 
 def replays(options: Options) -> Iterator[Replay]:
@@ -157,38 +148,26 @@ def replays(options: Options) -> Iterator[Replay]:
     for number, recording in enumerate(options.recordings, 1):
         names = options.participants
         if not names:
-            code, output, errors = stepbus(
-                "info", str(recording), "--json", timeout=options.timeout
-            )
+            code, said = stepbus("info", recording, "--json", timeout=options.timeout)
             if code:
-                yield Replay(
-                    recording=recording, participant="", code=code, result={}, problem=errors
-                )
+                yield Replay(recording=recording, participant="", code=code, said=said)
                 continue
             # `stepbus info` refuses a recording with a name that is a path.
-            names = list(json.loads(output)["programs"])
+            names = list(json.loads(said)["programs"])
         for name in names:
-            yield replay(
-                recording, name, options.out / f"{number}-{recording.stem}-{name}", options
-            )
+            folder = options.out / f"{number}-{Path(recording).stem}-{name}"
+            yield replay(recording, name, folder, options)
 
 
-def replay(recording: Path, participant: str, folder: Path, options: Options) -> Replay:
+def replay(recording: str, participant: str, folder: Path, options: Options) -> Replay:
     """Replay one participant; keep a report and the new recording where an output differs."""
     folder.mkdir(parents=True, exist_ok=True)
-    new = folder / "new.mcap"
-    command = ["replay", str(recording), "--participant", participant, "--json"]
-    command += ["--update", str(new)]
-    command += ["--tolerance", options.tolerance] if options.tolerance else []
-    command += ["--source", options.source] if options.source else []
-    command += ["--trust"] if options.trust else []
-    code, output, errors = stepbus(*command, timeout=options.timeout)
-    done = code in (0, DIFFERENT)
+    new, limit = folder / "new.mcap", options.timeout
+    words = ["replay", recording, "--participant", participant, "--update", str(new)]
+    code, said = stepbus(*words, *options.words, timeout=limit)
     if code == DIFFERENT:
-        page = folder / "report.html"
-        failed, _, problem = stepbus(
-            "report", str(recording), str(new), "--out", str(page), timeout=options.timeout
-        )
+        page = str(folder / "report.html")
+        failed, problem = stepbus("report", recording, str(new), "--out", page, timeout=limit)
         if failed:
             log(f"no report: {problem}")
     else:
@@ -196,36 +175,27 @@ def replay(recording: Path, participant: str, folder: Path, options: Options) ->
     files = tuple(sorted(f"{folder.name}/{one.name}" for one in folder.iterdir()))
     if not files:
         folder.rmdir()
-    return Replay(
-        recording=recording,
-        participant=participant,
-        code=code,
-        result=json.loads(output) if done else {},
-        problem="" if done else errors or output or f"stepbus replay ended with exit code {code}",
-        files=files,
-    )
+    return Replay(recording=recording, participant=participant, code=code, said=said, files=files)
 
 
-def summary(results: list[Replay]) -> str:
-    """Return the job summary: a table, then the details of each difference. Markdown."""
+def summary(results: Sequence[Replay]) -> str:
+    """Return the job summary: a table, then what stepbus says of each difference. Markdown."""
     wrong = [one for one in results if one.code]
     verdict = f"{len(wrong)} of {len(results)} replays are not equal" if wrong else "all are equal"
     lines = [f"## stepbus replay: {verdict}", ""]
-    lines += [
-        "| Recording | Participant | Result | Steps | First divergence |",
-        "|---|---|---|---|---|",
-    ]
+    lines += ["| Recording | Participant | Result | First divergence |", "|---|---|---|---|"]
     for one in results:
-        cells = [
-            code(str(one.recording)),
-            plain(one.participant),
-            one.verdict,
-            str(one.result.get("steps", "")),
-            plain(one.divergence),
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
+        mark = "**" if one.code else ""
+        cells = (code(one.recording), plain(one.participant), f"{mark}{one.verdict}{mark}")
+        lines.append(f"| {' | '.join(cells)} | {plain(one.reason)} |")
     for one in wrong:
-        lines += ["", *details(one)]
+        # Longer than any in the text: only this one ends the block.
+        fence = "`" * max([3, *(1 + len(ticks) for ticks in re.findall("`+", one.said))])
+        said = map(visible, one.said.splitlines())
+        title = plain(f"{one.recording} {one.participant}".strip())
+        lines += ["", f"### {title}", "", f"{fence}text", *said, fence]
+        if one.files:
+            lines += ["", "In the artifact: " + ", ".join(map(code, one.files))]
     return "\n".join(lines) + "\n"
 
 
@@ -242,34 +212,6 @@ def code(text: str) -> str:
 def visible(text: str) -> str:
     """Return a text in one line; no character of it controls a terminal."""
     return "".join(sign if sign.isprintable() else f"\\x{ord(sign):02x}" for sign in text)
-
-
-def details(one: Replay) -> list[str]:
-    """Return the inputs and changed ports of one difference, or the error message."""
-    title = " ".join(filter(None, (f"{one.recording}", one.participant)))
-    head = [
-        f"### {plain(title)}",
-        "",
-        plain(one.divergence) if one.result else "The replay failed.",
-        "",
-    ]
-    lines = one.problem.splitlines()
-    for change in one.result.get("changes", []):
-        lines.append(f"changed since the recording: {change}")
-    for port, value in one.result.get("inputs", {}).items():
-        lines.append(
-            f"input {port} ({value['topic']}@{value['step']}): {json.dumps(value['value'])}"
-        )
-    for port in one.result.get("ports", []):
-        total = sum(port[key] for key in ("equal", "within", "different", "missing", "added"))
-        lines.append(f"{port['topic']}: {total - port['equal'] - port['within']} of {total} differ")
-    text = "\n".join(map(visible, lines))
-    # Longer than any in the text: only this one ends the block.
-    fence = "`" * max([3, *(1 + len(ticks) for ticks in re.findall("`+", text))])
-    block = [f"{fence}text", text, fence]
-    if one.files:
-        block += ["", "In the artifact: " + ", ".join(map(code, one.files))]
-    return head + block
 
 
 def say(text: str) -> None:
@@ -291,15 +233,8 @@ def append(variable: str, text: str) -> None:
             file.write(text)
 
 
-def annotation(one: Replay) -> str:
-    """Return the line by which GitHub marks a recording in the files of a pull request."""
-    return error_command(
-        f"{one.participant or 'recording'}: {one.divergence}", file=str(one.recording)
-    )
-
-
 def error_command(text: str, **properties: str) -> str:
-    """Return the workflow command that reports an error."""
+    """Return the workflow command that reports an error, in a file of a pull request."""
     given = {**properties, "title": "stepbus replay"}
     row = ",".join(f"{key}={percent(value, _LINE + ':,')}" for key, value in given.items())
     return f"::error {row}::{percent(text, _LINE)}"
@@ -310,28 +245,22 @@ def percent(text: str, signs: str) -> str:
     return "".join(f"%{ord(sign):02X}" if sign in signs else sign for sign in text)
 
 
-def report_on(results: list[Replay]) -> int:
-    """Write the summary and the output `equal`; return the exit code."""
-    text = summary(results)
-    append("GITHUB_STEP_SUMMARY", text)
-    codes = {one.code for one in results}
-    append("GITHUB_OUTPUT", f"equal={'true' if codes <= {0} else 'false'}\n")
-    if not os.environ.get("GITHUB_STEP_SUMMARY"):
-        say(text)
-    return 0 if codes <= {0} else DIFFERENT if codes <= {0, DIFFERENT} else 1
-
-
 def replay_all() -> int:
-    """Replay everything; return the exit code."""
+    """Replay everything; write the summary and the output `equal`; return the exit code."""
     results = []
     for one in replays(options_from(os.environ)):
         results.append(one)
-        line = f"{one.recording} {one.participant}: {one.verdict.strip('*')}"
         if one.code:
-            say(annotation(one))
+            who = one.participant or "recording"
+            say(error_command(f"{who}: {one.reason}", file=one.recording))
         else:
-            log(line)
-    return report_on(results)
+            log(f"{one.recording} {one.participant}: {one.verdict}")
+    codes = {one.code for one in results}
+    append("GITHUB_STEP_SUMMARY", summary(results))
+    append("GITHUB_OUTPUT", f"equal={'true' if codes <= {0} else 'false'}\n")
+    if not os.environ.get("GITHUB_STEP_SUMMARY"):
+        say(summary(results))
+    return 0 if codes <= {0} else DIFFERENT if codes <= {0, DIFFERENT} else 1
 
 
 def main() -> int:

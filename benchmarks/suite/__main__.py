@@ -16,8 +16,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from . import machine
 from .cases import BENCHMARKS, Case, all_cases
+from .clock import machine
 from .page import write_page
 
 _PEERS = ("helics==3.6.1", "mosaik==3.6.0")
@@ -101,7 +101,7 @@ def main() -> None:
             is_wanted = not args.only or any(text in case.name for text in args.only)
             if (number, case.name) in done or not is_wanted:
                 continue
-            row = {"round": number, "case": case.name, "machine": machine.name()}
+            row = {"round": number, "case": case.name, "machine": machine()}
             try:
                 row |= measure(case, environment)
             except RuntimeError as exc:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import psutil
 from mcap.reader import make_reader
 
 from stepbus_orchestrator.recording.timing import StepTiming
@@ -120,15 +121,12 @@ class Memory:
         self._thread.start()
 
     def _work(self) -> None:
+        own = psutil.Process()
         while not self._over.wait(_SAMPLE_S):
-            own = os.getpid()
-            children = Path(f"/proc/{own}/task/{own}/children").read_text().split()
-            for process in (own, *map(int, children)):
-                # It may have ended.
-                with contextlib.suppress(OSError):
-                    pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
-                    size = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-                    self.largest[process] = max(size, self.largest.get(process, 0.0))
+            for process in (own, *own.children()):
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    size = process.memory_info().rss / 1e6
+                    self.largest[process.pid] = max(size, self.largest.get(process.pid, 0.0))
 
     def close(self) -> list[float]:
         """Return the largest of each process, this one first."""

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 from benchmarks.comparison import page
-from benchmarks.comparison.tools import CHECKOUT, HERE
+from benchmarks.comparison.run import CHECKOUT, HERE
 
 
 def test_the_tables_of_the_page_are_those_of_the_results():

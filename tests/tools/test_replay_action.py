@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from scripts.replay_recordings import Replay
 
 from stepbus_orchestrator.recording import McapFile
 
@@ -115,10 +114,8 @@ def test_a_difference_is_in_summary_annotation_and_artifact(tmp_path):
     assert "::error file=runs/short,title=stepbus replay::controller: step 1: " in log
     assert "::error file=runs/broken.mcap,title=stepbus replay::recording: stepbus: " in log
     assert "2 of 4 replays are not equal" in summary
-    assert (
-        "| `runs/short` | controller | **different** | 100 | step 1: controller/command" in summary
-    )
-    assert "changed since the recording: controller.py" in summary
+    assert "| `runs/short` | controller | **different** | step 1: controller/command" in summary
+    assert "controller.py" in summary.partition("changed since the recording")[2]
     (folder,) = (tmp_path / "temp/stepbus-replay").iterdir()
     assert f"`{folder.name}/report.html`" in summary
     page = (folder / "report.html").read_text()
@@ -126,15 +123,6 @@ def test_a_difference_is_in_summary_annotation_and_artifact(tmp_path):
     shown = ("--participant", "controller", "--source", "my_arm", "--json")
     again = stepbus("replay", folder / "new.mcap", *shown)
     assert json.loads(again.stdout)["equal"]
-
-
-def test_the_first_divergence_names_the_joint():
-    first = {"step": 7, "topic": "controller/command", "type": "value", "first": 1.0, "second": 2.0}
-    for name, place in (("elbow", "values[elbow]"), ("", "values[1]")):
-        result = {"divergence": {**first, "field": "values[1]", "name": name}}
-        one = Replay(recording=Path("a.mcap"), participant="controller", code=10, result=result)
-        expected = f"step 7: controller/command: {place}: recording 1.0, replay 2.0"
-        assert one.divergence == expected
 
 
 def test_a_participant_named_like_a_path_is_refused_and_no_file_is_touched(tmp_path):
