@@ -12,7 +12,6 @@ import struct
 import time
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any, Literal
 
 import msgspec
 
@@ -20,7 +19,7 @@ from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.activity import NOTHING, Activity, activity_of
 from stepbus_orchestrator.processes.child import Child, Process
 from stepbus_participant import TICKET_VARIABLE, Ticket, open_regular
-from stepbus_schemas import UNDECODABLE, BridgeFormat, WiringError, explained
+from stepbus_schemas import UNDECODABLE, WiringError, explained
 
 _POLL_S = 0.1
 _UNIX = "unixsock-stream/"
@@ -30,14 +29,11 @@ _CREDENTIALS = struct.Struct("3i")
 class JoinTicket(Ticket, frozen=True, kw_only=True):
     """A ticket with what the scenario would have started, for `stepbus join`.
 
-    exec, folder: the command and its working directory. bridge, describe: of the bridge to it;
-    empty: there is none.
+    program, folder: the command and its working directory.
     """
 
-    exec: list[str]
+    program: tuple[str, ...]
     folder: str
-    bridge: BridgeFormat | Literal[""]
-    describe: dict[str, Any]
 
 
 def publish(ticket: JoinTicket, path: Path) -> None:

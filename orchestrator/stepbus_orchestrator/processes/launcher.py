@@ -113,10 +113,8 @@ class Launcher:
         """
         content = JoinTicket(
             **asdict(self._ticket(spec, endpoint, fields)),
-            exec=list(spec.program),
+            program=spec.program,
             folder=str(scenario_folder.absolute()),
-            bridge="" if spec.bridge is None else spec.bridge.format,
-            describe={} if spec.bridge is None else spec.bridge.describe,
         )
         path = ticket.absolute()
         publish(content, path)
