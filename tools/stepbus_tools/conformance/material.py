@@ -11,13 +11,13 @@ from msgspec import structs
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
+from stepbus_orchestrator.processes.slots import slot_counts
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import RecordedOutputs, recorded_descriptions
 from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
-from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
 from stepbus_schemas import SPOKEN, Description, Envelope, Protocols, Refusal, Welcome, WiringError
 from stepbus_tools.conformance.feeds import Feed
