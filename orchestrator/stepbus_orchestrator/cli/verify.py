@@ -7,12 +7,11 @@ from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.verify import TrialResult, Verification, verify
 from stepbus_orchestrator.cli.commands import Verify
 from stepbus_orchestrator.cli.signals import interruptible
-from stepbus_orchestrator.cli.terminal.live import Display, displayed
+from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes import can_host
 from stepbus_orchestrator.processes.warm import warm_parent
-from stepbus_orchestrator.run.reports import Observer, Progress
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import partly_recorded
 
@@ -29,33 +28,17 @@ def verify_command(given: Verify) -> Answer:
             [spec.participant for spec in loaded.participants], runs=given.runs + can_host()
         ),
     ):
-        watcher = None if display is None else _Trials(display)
         verification = verify(
             loaded,
             runs=given.runs,
             seed=given.seed,
             out=given.out,
-            on_result=(lambda _trial, _count: None) if watcher is None else watcher.result,
-            observer=watcher,
+            on_result=lambda trial, count: display and display.say(_line(trial, count)),
+            observer=display,
             interrupt=interrupt,
             owns_descriptors=can_host(),
         )
     return _answer(verification, given.out, partly_recorded(loaded.participants))
-
-
-class _Trials(Observer):
-    """Shows how far the runs are, and a line for each that has ended."""
-
-    def __init__(self, display: Display) -> None:
-        self._display = display
-
-    def progress(self, progress: Progress) -> None:
-        """Show how far the current run is."""
-        self._display.progress(progress)
-
-    def result(self, trial: TrialResult, count: int) -> None:
-        """Show what became of a run."""
-        self._display.say(_line(trial, count))
 
 
 def _answer(

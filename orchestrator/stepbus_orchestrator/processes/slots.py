@@ -1,4 +1,4 @@
-"""The orchestrator's side of bulk content (P17): how many slots, their files, and what is in them."""
+"""The orchestrator's side of bulk content (P17): how many slots, their files, their content."""
 
 import contextlib
 import ctypes
