@@ -25,6 +25,7 @@ from stepbus_orchestrator.run.run_scenario import run as run_scenario
 from stepbus_orchestrator.scenario.load import load as load_scenario
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts, plain_value
+from stepbus_orchestrator.scenario.program import check_installed
 from stepbus_schemas import CallReply, StepbusError, WiringError
 
 AnyScenario = str | PathLike[str] | Mapping[str, Any] | Scenario
@@ -105,6 +106,7 @@ def run(
     loaded = load(scenario, set=set, faults=faults)
     tickets = {name: Path(path) for name, path in (external or {}).items()}
     loaded = as_external(loaded, tickets)
+    check_installed(loaded)
     folder = default_folder(loaded, Path("runs")) if out is None else Path(out)
     chosen: list[RunExtension] = [External(tickets), *extensions]
     if pace is not None:

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from stepbus_orchestrator.cli.commands import Bridge, Call, Join
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error, table, visible
-from stepbus_orchestrator.processes.external import await_ticket
+from stepbus_orchestrator.processes.attached import await_ticket
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.run.live_file import call
 from stepbus_orchestrator.scenario.program import command

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from stepbus_orchestrator.cli import commands
 from stepbus_orchestrator.cli.commands import Describe, Validate
-from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.terminal.output import Answer, table
 from stepbus_orchestrator.processes.slots import slot_counts
 from stepbus_orchestrator.run.describe import (

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.activity import Activity, activity
@@ -89,24 +90,13 @@ class Child(Process):
         self.name = name
         self._lock = threading.Lock()
         self._code: int | None = None
-        self._process: subprocess.Popen[bytes] | None = None
         self._is_terminated = False
         try:
             with os.fdopen(append_to(log), "ab") as file:
-                if has_terminal:
-                    file.write(b"its output went to the terminal (--debug)\n")
                 forked = None if has_terminal else fork(command, cwd, environment, file.fileno())
-                if forked is None:
-                    self._process = subprocess.Popen(
-                        command,
-                        cwd=cwd,
-                        env=environment,
-                        stdin=None if has_terminal else subprocess.DEVNULL,
-                        stdout=None if has_terminal else file,
-                        stderr=None if has_terminal else subprocess.STDOUT,
-                        start_new_session=True,
-                    )
-                    forked = self._process.pid
+                self.pid = forked or _started(
+                    command, cwd, environment, None if has_terminal else file
+                )
         except OSError as exc:
             is_script = exc.errno == errno.ENOEXEC
             hint = "; a script needs a first line with #! and its interpreter" if is_script else ""
@@ -115,7 +105,6 @@ class Child(Process):
                 f"(participants.{name}.exec)",
                 participant=name,
             ) from exc
-        self.pid = forked
 
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it runs.
@@ -156,17 +145,10 @@ class Child(Process):
         self.wait(grace_s)
         self.signal(signal.SIGKILL)
         if self.wait(_KILL_S):
-            self._reap()
-
-    def _reap(self) -> None:
-        """Take the exit code; harmless when repeated."""
-        code = self.exit_code()
-        with self._lock:
-            if self._code is None:
-                self._code = code
-                if self._process is not None:
-                    self._process.wait()  # no time-out: it has ended
-                else:
+            code = self.exit_code()
+            with self._lock:
+                if self._code is None:
+                    self._code = code
                     os.waitpid(self.pid, 0)  # no time-out: it has ended
 
     def signal(self, number: int) -> None:
@@ -178,3 +160,21 @@ class Child(Process):
     def activity(self) -> Activity:
         """Return what it, and all it has started, is doing."""
         return activity(self.pid)
+
+
+def _started(
+    command: Sequence[str], cwd: Path, environment: Mapping[str, str], log: BinaryIO | None
+) -> int:
+    """Return the process id of a program in a session of its own; None as log: in our terminal."""
+    process = subprocess.Popen(
+        command,
+        cwd=cwd,
+        env=environment,
+        stdin=None if log is None else subprocess.DEVNULL,
+        stdout=log,
+        stderr=None if log is None else subprocess.STDOUT,
+        start_new_session=True,
+    )
+    # We reap it: as a zombie, it keeps its process group.
+    process.returncode = 0
+    return process.pid

@@ -11,9 +11,9 @@ from msgspec.structs import asdict
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes import reaper
+from stepbus_orchestrator.processes.attached import Attached, JoinTicket, publish
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import private_folder
-from stepbus_orchestrator.processes.external import External, JoinTicket, publish
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import Endpoint, Ticket
@@ -106,7 +106,7 @@ class Launcher:
         *,
         ticket: Path,
         **fields: Any,
-    ) -> External:
+    ) -> Attached:
         """Put the ticket of one participant where the user picks it up.
 
         ticket: the path. fields: further ones. Raises StartFailed when it cannot be written there.
@@ -120,7 +120,7 @@ class Launcher:
         publish(content, path)
         self.remove_too(path)
         # The first that a participant connects to is the orchestrator.
-        return External(
+        return Attached(
             path, self._logs / f"{spec.name}.log", endpoint.connect[0], self.children.values()
         )
 

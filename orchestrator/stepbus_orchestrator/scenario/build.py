@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec import structs
 
-from stepbus_orchestrator.scenario.faults import parse_fault
+from stepbus_orchestrator.scenario.fault_texts import parse_fault
 from stepbus_orchestrator.scenario.model import (
     FaultSpec,
     ParticipantRow,

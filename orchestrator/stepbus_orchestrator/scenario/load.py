@@ -10,7 +10,7 @@ from stepbus_orchestrator.errors import ScenarioError
 from stepbus_orchestrator.scenario.build import build
 from stepbus_orchestrator.scenario.check import check
 from stepbus_orchestrator.scenario.extend import read_extended
-from stepbus_orchestrator.scenario.faults import add_faults
+from stepbus_orchestrator.scenario.fault_texts import add_faults
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_orchestrator.scenario.override import changed_value, named_from, override
 from stepbus_orchestrator.scenario.scenario_files import find_files

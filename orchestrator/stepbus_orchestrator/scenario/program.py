@@ -49,10 +49,9 @@ def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
         runs_ours = len(rest) > 1 and rest[0] == "-m" and is_installed(rest[1])
         return (*(PYTHON if runs_ours else PYTHON[:1]), *rest)
     if (program, *rest[:1]) == ("stepbus", "bridge"):
-        options = rest[1 : rest.index("--") + 1] if "--" in rest else rest[1:]
-        bridged = rest[1 + len(options) :]
-        program = command(bridged, folder) if bridged else ()
-        return (*PYTHON, "-m", "stepbus_bridge", *options, *program)
+        split = rest.index("--") + 1 if "--" in rest else len(rest)
+        bridged = command(rest[split:], folder) if rest[split:] else ()
+        return (*PYTHON, "-m", "stepbus_bridge", *rest[1:split], *bridged)
     if program == "stepbus":
         return (*PYTHON, "-m", "stepbus_orchestrator.cli", *rest)
     return (_find(program, folder), *rest)

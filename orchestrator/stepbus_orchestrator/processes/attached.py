@@ -100,7 +100,7 @@ def _read(path: Path) -> JoinTicket:
             raise WiringError(f"{path}: not a ticket: {explained(exc)}") from exc
 
 
-class External(Process):
+class Attached(Process):
     """A process that the user has started, as far as we can see it.
 
     It is known by its place on the bus and, where it is a process of this user in our own

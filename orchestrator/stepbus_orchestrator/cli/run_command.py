@@ -5,12 +5,13 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from stepbus_orchestrator.cli.commands import Run
-from stepbus_orchestrator.cli.signals import interruptible, interrupting
+from stepbus_orchestrator.cli.interrupts import interruptible, interrupting
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_orchestrator.plugins import AFTER_RUN, points
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions import load_extension
 from stepbus_orchestrator.run.extensions.debug import Debug, without_deadlines
@@ -23,6 +24,7 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.program import check_installed
 from stepbus_participant import parse_duration, whole_steps
 from stepbus_schemas import StepbusError, WiringError
 
@@ -41,6 +43,9 @@ def run_command(given: Run) -> int:
             "--pause-at needs --view or an interactive terminal to resume the run; it "
             "cannot be combined with --json or --debug"
         )
+    # Before there is a folder.
+    check_installed(loaded)
+    check_limits(len(loaded.participants))
     # Beside JSON, the lines have no reader, and they take as long as the recording of the run.
     is_read = not (given.json and given.no_report)
     for point in points(AFTER_RUN) if is_read else ():
