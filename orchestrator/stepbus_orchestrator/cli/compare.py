@@ -15,7 +15,6 @@ from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes import can_host
-from stepbus_orchestrator.processes.warm import warm_parent
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import ReplayResult, replay
 from stepbus_orchestrator.replay.trust import find_source
@@ -97,9 +96,6 @@ def verify_command(given: Verify) -> Answer:
     with (
         displayed(f"verify {loaded.name}", quiet=given.json) as display,
         interruptible() as interrupt,
-        warm_parent(
-            [spec.participant for spec in loaded.participants], runs=given.runs + can_host()
-        ),
     ):
         verification = verify(
             loaded,

@@ -51,8 +51,10 @@ class Processes:
             # The orchestrator passes on what it plays.
             if not run.is_star:
                 slots = make_slots(scenario, launcher)
-            classes = [one.participant for one in specs if one.participant]
-            with warm_parent(classes), contextlib.ExitStack() as stack:
+            with (
+                warm_parent(sum(bool(one.participant) for one in specs)),
+                contextlib.ExitStack() as stack,
+            ):
                 bus = open_bus(mesh.orchestrator, run.key)
                 stack.callback(bus.close)
                 Live(run=run.key, token=run.token, endpoint=mesh.caller).save(run.out)
