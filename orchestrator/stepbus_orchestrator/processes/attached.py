@@ -36,8 +36,8 @@ class JoinTicket(Ticket, frozen=True, kw_only=True):
     folder: str
 
 
-def publish(ticket: JoinTicket, path: Path) -> None:
-    """Write a ticket to a path that the user knows, whole from its first moment.
+def publish(ticket: Ticket, path: Path) -> None:
+    """Write a ticket to a path, whole from its first moment.
 
     Raises StartFailed where it cannot be written, or where the path is taken.
     """

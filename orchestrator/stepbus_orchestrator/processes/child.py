@@ -93,6 +93,8 @@ class Child(Process):
         self._is_terminated = False
         try:
             with os.fdopen(append_to(log), "ab") as file:
+                if has_terminal:
+                    file.write(b"its output went to the terminal (--debug)\n")
                 forked = None if has_terminal else fork(command, cwd, environment, file.fileno())
                 self.pid = forked or _started(
                     command, cwd, environment, None if has_terminal else file

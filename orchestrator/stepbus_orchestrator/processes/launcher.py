@@ -73,19 +73,10 @@ class Launcher:
 
         has_terminal: it gets our terminal, to be debugged. fields: further ones of its ticket.
 
-        Raises StartFailed when its program cannot be executed.
+        Raises StartFailed when its ticket cannot be written, or its program not executed.
         """
         path = self.folder / f"{spec.name}.ticket"
-        try:
-            self._ticket(spec, endpoint, fields).save(path)
-        except OSError as exc:
-            raise StartFailed(
-                (
-                    f"{spec.name}: its ticket {path} cannot be written: {exc.strerror}; set "
-                    "TMPDIR to a folder with free space"
-                ),
-                participant=spec.name,
-            ) from exc
+        publish(self._ticket(spec, endpoint, fields), path)
         child = Child(
             spec.name,
             command,
