@@ -27,7 +27,7 @@ _LONGEST_PAUSE_S = 0.05
 class Process:
     """A participant's process, as a run sees it.
 
-    log: the file its stdout and stderr go to. pid: its process id; 0: unknown. late: how it missed
+    log: the file of its stdout and stderr. pid: its process id; 0: unknown. late: how it missed
     a deadline, where it shares our thread and has: `computing for 3.1 s, at a.py:7 in update`.
     """
 
@@ -41,7 +41,7 @@ class Process:
         raise NotImplementedError
 
     def how_it_ended(self) -> str:
-        """Return its end in words: `exited with code 1` or `was killed by SIGKILL`."""
+        """Return a phrase for its end: `exited with code 1` or `was killed by SIGKILL`."""
         code = self.exit_code()
         if code is not None and code < 0:
             return f"was killed by {signal.Signals(-code).name}"
@@ -72,8 +72,8 @@ class Process:
 class Child(Process):
     """A process in a session of its own, so that Ctrl-C in the terminal does not reach it.
 
-    name: the participant. log: where its stdout and stderr go. has_terminal: they go where ours
-    go instead, and its stdin is ours. pid: its process id and group.
+    name: the participant. log: the file of its stdout and stderr. has_terminal: it shares our
+    terminal instead, to be debugged. pid: its process id and group.
     """
 
     def __init__(

@@ -137,7 +137,7 @@ class Launcher:
     def end_all(self) -> list[tuple[str, str]]:
         """End every process that is left, and the reaper; remove the private folder.
 
-        Return (participant, text) of each process that the reaper had to end.
+        Return (participant, warning) of each process that the reaper had to end.
         """
         for child in self.children.values():
             child.end()

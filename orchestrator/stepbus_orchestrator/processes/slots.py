@@ -52,11 +52,11 @@ class RunSlots:
                     self._files[name] = os.open(Path(folder) / name, flags, 0o600)
 
     def agree(self, ready: Mapping[str, Ready]) -> dict[str, int]:
-        """Return the outputs whose content goes through slots, with their number (P17.2).
+        """Return output → number of slots, of the outputs whose content goes through slots (P17.2).
 
-        ready: what each participant says. All that use an output have to have opened its file.
+        ready: of each participant. All that use an output have to have opened its file.
         """
-        opened = {name: set(one.slots) for name, one in ready.items()}
+        opened = {name: set(message.slots) for name, message in ready.items()}
         self._agreed = {
             name: count
             for name, count in self._counts.items()
@@ -65,7 +65,7 @@ class RunSlots:
         return self._agreed
 
     def take(self, name: str, outputs: Outputs, sink: BulkSink) -> str | None:
-        """Hand on the content that is in slots; return what is wrong with it, or None.
+        """Pass the content of slots to the sink; return the problem with it, or None.
 
         To be called before the outputs count as reported: then their slots may be reused.
         """
@@ -89,9 +89,9 @@ class RunSlots:
 
 
 def make_slots(scenario: Scenario, launcher: Launcher) -> RunSlots:
-    """Make the files for the bulk outputs of a scenario, which go with the private folder.
+    """Make the files for the bulk outputs of a scenario, which are removed with the private folder.
 
-    They are in memory, where there is room. Where none can be made, there are no slots.
+    They are in memory, where there is room. Where no file can be made, there are no slots.
     """
     if not slot_counts(scenario):
         return RunSlots()
@@ -137,9 +137,9 @@ def _keep_memory() -> None:
 
 
 def slot_counts(scenario: Scenario, *, has_feedback: bool = True) -> dict[str, int]:
-    """Return each bulk output, `<participant>.<port>`, with its number of slots; none on TCP.
+    """Return bulk output, `<participant>.<port>` → its number of slots; none on TCP.
 
-    has_feedback: sources wait for what they read, as in a run.
+    has_feedback: whether sources wait for the outputs that they read, as in a run.
     """
     return {
         file_name(spec.name, port): _count(

@@ -1,8 +1,8 @@
-"""A process that has loaded what participants need, from which those that are classes are forked.
+"""A process that has loaded the usual libraries, and from which classes are forked.
 
-It is started like any of them, with the same interpreter and the same environment, before anything
-else is loaded here. What it cannot become is started as ever: a program, a class with another
-environment, one in a debugger.
+It is started with the interpreter and the environment of a participant, before anything else is
+loaded here. A program, a class with another environment, and a class in a debugger are started
+without it.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ _PR_SET_CHILD_SUBREAPER, _PR_GET_CHILD_SUBREAPER = 36, 37
 _LIBRARIES = ("zenoh", "numpy")
 """What nearly every class loads."""
 _ANSWER_S = 10.0
-"""How long it may take to load what it has to, and to fork [s]; it may have been stopped."""
+"""How long it may take to load its libraries, and to fork [s]; it may have been stopped."""
 _ROOM = " " * 250
 _TICKET_ROOM = " " * 4095
 """What the command of a participant, and the path of its ticket, take the place of."""
