@@ -15,6 +15,7 @@ from stepbus_orchestrator.cli.terminal.output import Answer, print_error, table,
 from stepbus_orchestrator.processes.attached import await_ticket
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.run.live_file import call
+from stepbus_orchestrator.scenario.model import BridgeSpec, ParticipantSpec
 from stepbus_orchestrator.scenario.program import command
 from stepbus_participant import parse_duration, suggest
 from stepbus_participant.parameters import parse_yaml
@@ -28,11 +29,11 @@ def join_command(given: Join) -> int:
     """Wait for the run of a ticket, and become the participant's program."""
     awaited = await_ticket(given.ticket, parse_duration(given.wait) * 1e-9, _notify)
     folder = Path.cwd() if given.program else Path(awaited.folder)
-    words = awaited.program
-    if given.program:
-        bridge = words[: words.index("--") + 1] if words[:2] == ("stepbus", "bridge") else ()
-        words = (*bridge, *given.program)
-    argv = command(words, folder)
+    bridge = (
+        BridgeSpec(format=awaited.bridge, describe=awaited.describe) if awaited.bridge else None
+    )
+    words = given.program or awaited.exec
+    argv = command(ParticipantSpec(name=awaited.name, exec=words, bridge=bridge).program, folder)
     _notify(f"{awaited.name} of run {awaited.run}: {' '.join(argv)}")
     _become(argv, folder, participant_environment(str(given.ticket.absolute())))
 

@@ -12,6 +12,7 @@ import struct
 import time
 from collections.abc import Callable, Collection
 from pathlib import Path
+from typing import Any, Literal
 
 import msgspec
 
@@ -19,7 +20,7 @@ from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.activity import NOTHING, Activity, activity_of
 from stepbus_orchestrator.processes.child import Child, Process
 from stepbus_participant import TICKET_VARIABLE, Ticket, open_regular
-from stepbus_schemas import UNDECODABLE, WiringError, explained
+from stepbus_schemas import UNDECODABLE, BridgeFormat, WiringError, explained
 
 _POLL_S = 0.1
 _UNIX = "unixsock-stream/"
@@ -29,11 +30,14 @@ _CREDENTIALS = struct.Struct("3i")
 class JoinTicket(Ticket, frozen=True, kw_only=True):
     """A ticket with what the scenario would have started, for `stepbus join`.
 
-    program, folder: the command and its working directory.
+    exec, folder: the command and its working directory. bridge, describe: of the bridge to it;
+    empty: there is none.
     """
 
-    program: tuple[str, ...]
+    exec: tuple[str, ...]
     folder: str
+    bridge: BridgeFormat | Literal[""]
+    describe: dict[str, Any]
 
 
 def publish(ticket: Ticket, path: Path) -> None:

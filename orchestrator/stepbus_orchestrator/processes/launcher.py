@@ -104,8 +104,10 @@ class Launcher:
         """
         content = JoinTicket(
             **asdict(self._ticket(spec, endpoint, fields)),
-            program=spec.program,
+            exec=spec.exec or spec.program,
             folder=str(scenario_folder.absolute()),
+            bridge="" if spec.bridge is None else spec.bridge.format,
+            describe={} if spec.bridge is None else spec.bridge.describe,
         )
         path = ticket.absolute()
         publish(content, path)
