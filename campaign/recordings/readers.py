@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_orchestrator.cli.execute import execute
+from stepbus_orchestrator.cli.dispatch import execute
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.prepare import prepare, shorten
 from stepbus_orchestrator.replay.replay_result import inputs_of

@@ -11,8 +11,8 @@ import os
 import signal
 import socket
 import sys
+from importlib import import_module
 from pathlib import Path
-from pkgutil import resolve_name
 
 import msgspec
 
@@ -33,19 +33,19 @@ class Birth(msgspec.Struct, frozen=True):
     ticket: str
 
 
-def become_participants(names: list[str]) -> str:
+def become_participants(modules: list[str]) -> str:
     """Return in a new process for each participant that is wanted, its class; else never.
 
-    names: of modules and classes, which are loaded before. The first process ends with its parent,
+    modules: are loaded before. The first process ends with its parent,
     with the socket, and where a module has started a thread: it must not fork then.
     """
     process = ctypes.CDLL(None)
     process.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     gc.disable()
-    for name in names:
-        # Those that need it say what is wrong.
+    for name in modules:
+        # A participant that needs it says what is wrong.
         with contextlib.suppress(Exception):
-            resolve_name(name)
+            import_module(name)
     # What libraries in C have printed would come from each child once more.
     process.fflush(None)
     # A child that changes the count of references to something copies its page.
@@ -98,8 +98,6 @@ def _settle(birth: Birth, log: int) -> None:
     os.chdir(birth.folder)
     os.environ[TICKET_VARIABLE] = birth.ticket
     sys.orig_argv[1:] = birth.words[1:]
-    if "numpy.random" in sys.modules:
-        sys.modules["numpy.random"].seed()
 
 
 def _show(birth: Birth) -> None:

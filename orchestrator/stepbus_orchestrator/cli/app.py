@@ -54,7 +54,7 @@ def answer(words: Sequence[str]) -> NoReturn:
     if first == "--version":
         sys.stdout.write(f"stepbus {import_module('importlib.metadata').version('stepbus')}\n")
     elif first == _COMPLETE:
-        all_commands()([*words], result_action="return_value")
+        _app(*load_commands())([*words], result_action="return_value")
     elif first in {"", "-h", "--help"}:
         (sys.stdout if first else sys.stderr).write(overview())
     elif first.startswith("-"):
@@ -83,33 +83,29 @@ def command_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*OWN, *named_points(COMMANDS))))
 
 
-def load_command(name: str, *, is_complete: bool = True) -> type[Command]:
-    """Load a command by name; raises CommandBroken for one of another package that cannot be.
-
-    is_complete: with the options that depend on what is installed.
-    """
+def load_command(name: str) -> type[Command]:
+    """Return a command by name; raises CommandBroken for one of a package that cannot be loaded."""
     if name in OWN:
-        return OWN[name].complete() if is_complete else OWN[name]
+        return OWN[name]
     if name not in command_names():
         near = difflib.get_close_matches(name, command_names(), 1)
         refuse(f"no command {name!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
     point = named_points(COMMANDS)[name]
     try:
         command: type[Command] = point.load()
-        complete = command.complete
-        return complete() if is_complete else command
     except Exception as exc:
         why = " ".join(str(exc).split())
         raise CommandBroken(
             f"the command {name!r} cannot be loaded from {point.value}: {why}"
         ) from exc
+    return command
 
 
-def load_commands(*, are_complete: bool = True) -> Iterator[type[Command]]:
+def load_commands() -> Iterator[type[Command]]:
     """Load all commands that can be loaded, in the order of the overview; name the others."""
     for name in command_names():
         try:
-            yield load_command(name, is_complete=are_complete)
+            yield load_command(name)
         except CommandBroken as exc:
             print_error(str(exc))
 
@@ -122,13 +118,8 @@ def _app(*loaded: type[Command]) -> App:
         version_flags=(),
     )
     for command in loaded:
-        app.command(command, name=command.__name__.lower())
+        app.command(command.complete(), name=command.__name__.lower())
     return app
-
-
-def all_commands() -> App:
-    """Return the application with all commands, for completion."""
-    return _app(*load_commands())
 
 
 def parsed(name: str, *words: str) -> Command:
@@ -164,7 +155,7 @@ def _sentence(error: CycloptsError) -> str:
 
 def overview() -> str:
     """Return all commands in their groups, a line each."""
-    loaded = list(load_commands(are_complete=False))
+    loaded = list(load_commands())
     width = max(len(command.__name__) for command in loaded)
     lines: list[str] = []
     for group in GROUPS:
@@ -248,5 +239,6 @@ def help_command(given: commands.Help) -> int:
 
 def completion_command(given: commands.Completion) -> int:
     """Print the completion script of a shell."""
-    sys.stdout.write(all_commands().generate_completion(shell=given.shell) + "\n")
+    app = _app(*load_commands())
+    sys.stdout.write(app.generate_completion(shell=given.shell) + "\n")
     return 0

@@ -12,12 +12,11 @@ from rich.table import Table
 
 from stepbus_orchestrator.cli.commands import Bridge, Call, Join
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error, table, visible
-from stepbus_orchestrator.processes.external import await_ticket
+from stepbus_orchestrator.processes.attached import await_ticket
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.run.live_file import call
 from stepbus_orchestrator.scenario.model import BridgeSpec, ParticipantSpec
-from stepbus_orchestrator.scenario.program import command as program_command
-from stepbus_orchestrator.scenario.program import start_command
+from stepbus_orchestrator.scenario.program import command
 from stepbus_participant import parse_duration, suggest
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
@@ -33,10 +32,8 @@ def join_command(given: Join) -> int:
     bridge = (
         BridgeSpec(format=awaited.bridge, describe=awaited.describe) if awaited.bridge else None
     )
-    spec = ParticipantSpec(
-        name=awaited.name, exec=given.program or tuple(awaited.exec), bridge=bridge
-    )
-    argv = start_command(spec, folder)
+    words = given.program or awaited.exec
+    argv = command(ParticipantSpec(name=awaited.name, exec=words, bridge=bridge).program, folder)
     _notify(f"{awaited.name} of run {awaited.run}: {' '.join(argv)}")
     _become(argv, folder, participant_environment(str(given.ticket.absolute())))
 
@@ -59,7 +56,7 @@ def bridge_command(given: Bridge) -> int:
     """Become the bridge, which starts the program."""
     options = ("--format", given.format, "--describe", given.describe)
     here = Path.cwd()
-    argv = program_command(("stepbus", "bridge", *options, "--", *given.program), here)
+    argv = command(("stepbus", "bridge", *options, "--", *given.program), here)
     _become(argv, here, os.environ)
 
 

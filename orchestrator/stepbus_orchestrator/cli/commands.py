@@ -34,7 +34,7 @@ _Factor = Annotated[float, Parameter(validator=Number(gte=1e-3, lte=1e3))]
 _Limits = Annotated[Texts, Parameter(metavar="[PORT[.FIELD]=]NUMBER")]
 
 
-class Run(Command, work="run", group="run", is_run=True):
+class Run(Command, work="run_command", group="run", is_run=True):
     """Run a scenario and record it.
 
     Starts all participants of a scenario, steps them in lockstep, and records everything to
@@ -272,7 +272,7 @@ class Replay(Command, work="compare", group="test", is_run=True):
     json: Json = False
 
 
-class Rerun(Command, work="rerun", group="test", is_run=True):
+class Rerun(Command, work="repeat", group="test", is_run=True):
     """Repeat a run from its recording alone.
 
     Extracts the scenario and its files from a recording into <out>/source, runs it, and compares
@@ -296,7 +296,7 @@ class Rerun(Command, work="rerun", group="test", is_run=True):
     json: Json = False
 
 
-class Verify(Command, work="verify", group="test", is_run=True):
+class Verify(Command, work="compare", group="test", is_run=True):
     """Run a scenario several times and compare the recordings.
 
     Runs a scenario several times: once unchanged, then with shuffled start orders, random delays in
@@ -339,7 +339,7 @@ class Diff(Command, work="compare", group="test"):
     json: Json = False
 
 
-class Branch(Command, work="branch", group="test", is_run=True):
+class Branch(Command, work="repeat", group="test", is_run=True):
     """Replay a recording up to a step, then run live with your changes.
 
     Replays a recording up to a step, then continues as a live run with your changes. Until that

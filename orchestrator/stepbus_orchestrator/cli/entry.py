@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 from stepbus_orchestrator.processes import PYTHON
 
-from .signals import INTERRUPTED, SENTENCE, SIGNALS, interrupt, leave, on_signals
+from .interrupts import INTERRUPTED, SENTENCE, SIGNALS, interrupt, leave, on_signals
 
 _IN_PROCESS = "--in-process"
 _INTERNAL = 1
@@ -56,7 +56,7 @@ def _execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None
             from .app import answer  # noqa: PLC0415  (see the top)
 
             answer(arguments)
-        from .execute import execute  # noqa: PLC0415  (loads everything)
+        from .dispatch import execute  # noqa: PLC0415  (loads everything)
 
         return execute(arguments, loaded)
     except (ImportError, MemoryError) as exc:

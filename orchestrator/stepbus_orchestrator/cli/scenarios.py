@@ -12,8 +12,9 @@ from rich.table import Table
 
 from stepbus_orchestrator.cli import commands
 from stepbus_orchestrator.cli.commands import Describe, Validate
-from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.terminal.output import Answer, table
+from stepbus_orchestrator.processes.slots import slot_counts
 from stepbus_orchestrator.run.describe import (
     JointRow,
     OutputPort,
@@ -23,7 +24,6 @@ from stepbus_orchestrator.run.describe import (
 from stepbus_orchestrator.run.rehearse import rehearse
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import load_types
 from stepbus_participant.parameters import is_file_name, read_yaml
 from stepbus_schemas import (

@@ -26,7 +26,7 @@ from stepbus_orchestrator.run.inprocess.turns import (
     Turns,
 )
 
-from .signals import SIGNALS
+from .interrupts import SIGNALS
 
 _INTERNAL = 1
 _VARIABLE = "STEPBUS_TURNS"

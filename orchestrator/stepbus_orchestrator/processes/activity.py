@@ -37,9 +37,9 @@ class Activity:
         return ""
 
 
-def activity(*groups: int) -> Activity:
-    """Return what the processes of some groups are doing; nothing where that is unknown."""
-    return _activity(row for _, row in _rows() if int(row[_GROUP]) in groups) if groups else NOTHING
+def activity(group: int) -> Activity:
+    """Return what the processes of a group are doing; nothing where that is unknown."""
+    return _activity(row for _, row in _rows() if int(row[_GROUP]) == group)
 
 
 def activity_of(pid: int) -> Activity:

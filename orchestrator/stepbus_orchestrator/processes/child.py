@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.activity import Activity, activity
@@ -26,7 +27,7 @@ _LONGEST_PAUSE_S = 0.05
 class Process:
     """A participant's process, as a run sees it.
 
-    log: the file its stdout and stderr go to. pid: its process id; 0: unknown. late: how it missed
+    log: the file of its stdout and stderr. pid: its process id; 0: unknown. late: how it missed
     a deadline, where it shares our thread and has: `computing for 3.1 s, at a.py:7 in update`.
     """
 
@@ -40,7 +41,7 @@ class Process:
         raise NotImplementedError
 
     def how_it_ended(self) -> str:
-        """Return its end in words: `exited with code 1` or `was killed by SIGKILL`."""
+        """Return a phrase for its end: `exited with code 1` or `was killed by SIGKILL`."""
         code = self.exit_code()
         if code is not None and code < 0:
             return f"was killed by {signal.Signals(-code).name}"
@@ -71,8 +72,8 @@ class Process:
 class Child(Process):
     """A process in a session of its own, so that Ctrl-C in the terminal does not reach it.
 
-    name: the participant. log: where its stdout and stderr go. has_terminal: they go where ours
-    go instead, and its stdin is ours. pid: its process id and group.
+    name: the participant. log: the file of its stdout and stderr. has_terminal: it shares our
+    terminal instead, to be debugged. pid: its process id and group.
     """
 
     def __init__(
@@ -89,24 +90,15 @@ class Child(Process):
         self.name = name
         self._lock = threading.Lock()
         self._code: int | None = None
-        self._process: subprocess.Popen[bytes] | None = None
         self._is_terminated = False
         try:
             with os.fdopen(append_to(log), "ab") as file:
                 if has_terminal:
                     file.write(b"its output went to the terminal (--debug)\n")
                 forked = None if has_terminal else fork(command, cwd, environment, file.fileno())
-                if forked is None:
-                    self._process = subprocess.Popen(
-                        command,
-                        cwd=cwd,
-                        env=environment,
-                        stdin=None if has_terminal else subprocess.DEVNULL,
-                        stdout=None if has_terminal else file,
-                        stderr=None if has_terminal else subprocess.STDOUT,
-                        start_new_session=True,
-                    )
-                    forked = self._process.pid
+                self.pid = forked or _started(
+                    command, cwd, environment, None if has_terminal else file
+                )
         except OSError as exc:
             is_script = exc.errno == errno.ENOEXEC
             hint = "; a script needs a first line with #! and its interpreter" if is_script else ""
@@ -115,7 +107,6 @@ class Child(Process):
                 f"(participants.{name}.exec)",
                 participant=name,
             ) from exc
-        self.pid = forked
 
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it runs.
@@ -156,17 +147,10 @@ class Child(Process):
         self.wait(grace_s)
         self.signal(signal.SIGKILL)
         if self.wait(_KILL_S):
-            self._reap()
-
-    def _reap(self) -> None:
-        """Take the exit code; harmless when repeated."""
-        code = self.exit_code()
-        with self._lock:
-            if self._code is None:
-                self._code = code
-                if self._process is not None:
-                    self._process.wait()  # no time-out: it has ended
-                else:
+            code = self.exit_code()
+            with self._lock:
+                if self._code is None:
+                    self._code = code
                     os.waitpid(self.pid, 0)  # no time-out: it has ended
 
     def signal(self, number: int) -> None:
@@ -178,3 +162,21 @@ class Child(Process):
     def activity(self) -> Activity:
         """Return what it, and all it has started, is doing."""
         return activity(self.pid)
+
+
+def _started(
+    command: Sequence[str], cwd: Path, environment: Mapping[str, str], log: BinaryIO | None
+) -> int:
+    """Return the process id of a program in a session of its own; None as log: in our terminal."""
+    process = subprocess.Popen(
+        command,
+        cwd=cwd,
+        env=environment,
+        stdin=None if log is None else subprocess.DEVNULL,
+        stdout=log,
+        stderr=None if log is None else subprocess.STDOUT,
+        start_new_session=True,
+    )
+    # We reap it: as a zombie, it keeps its process group.
+    process.returncode = 0
+    return process.pid

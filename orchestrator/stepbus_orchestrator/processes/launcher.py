@@ -11,9 +11,9 @@ from msgspec.structs import asdict
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes import reaper
+from stepbus_orchestrator.processes.attached import Attached, JoinTicket, publish
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import private_folder
-from stepbus_orchestrator.processes.external import External, JoinTicket, publish
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import Endpoint, Ticket
@@ -73,19 +73,10 @@ class Launcher:
 
         has_terminal: it gets our terminal, to be debugged. fields: further ones of its ticket.
 
-        Raises StartFailed when its program cannot be executed.
+        Raises StartFailed when its ticket cannot be written, or its program not executed.
         """
         path = self.folder / f"{spec.name}.ticket"
-        try:
-            self._ticket(spec, endpoint, fields).save(path)
-        except OSError as exc:
-            raise StartFailed(
-                (
-                    f"{spec.name}: its ticket {path} cannot be written: {exc.strerror}; set "
-                    "TMPDIR to a folder with free space"
-                ),
-                participant=spec.name,
-            ) from exc
+        publish(self._ticket(spec, endpoint, fields), path)
         child = Child(
             spec.name,
             command,
@@ -106,14 +97,14 @@ class Launcher:
         *,
         ticket: Path,
         **fields: Any,
-    ) -> External:
+    ) -> Attached:
         """Put the ticket of one participant where the user picks it up.
 
         ticket: the path. fields: further ones. Raises StartFailed when it cannot be written there.
         """
         content = JoinTicket(
             **asdict(self._ticket(spec, endpoint, fields)),
-            exec=list(spec.program),
+            exec=spec.exec or spec.program,
             folder=str(scenario_folder.absolute()),
             bridge="" if spec.bridge is None else spec.bridge.format,
             describe={} if spec.bridge is None else spec.bridge.describe,
@@ -122,7 +113,7 @@ class Launcher:
         publish(content, path)
         self.remove_too(path)
         # The first that a participant connects to is the orchestrator.
-        return External(
+        return Attached(
             path, self._logs / f"{spec.name}.log", endpoint.connect[0], self.children.values()
         )
 
@@ -148,7 +139,7 @@ class Launcher:
     def end_all(self) -> list[tuple[str, str]]:
         """End every process that is left, and the reaper; remove the private folder.
 
-        Return (participant, text) of each process that the reaper had to end.
+        Return (participant, warning) of each process that the reaper had to end.
         """
         for child in self.children.values():
             child.end()

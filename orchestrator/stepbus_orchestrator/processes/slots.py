@@ -1,4 +1,4 @@
-"""The orchestrator's side of bulk content in files (P17): it makes them, and copies out of them."""
+"""The orchestrator's side of bulk content (P17): how many slots, their files, their content."""
 
 import contextlib
 import ctypes
@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_orchestrator.scenario.slots import slot_counts
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import SlotError, file_name, read_slot
 from stepbus_schemas import Outputs, Ready
 
@@ -20,13 +19,13 @@ _LEAST_ROOM = 1 << 28
 
 
 class BulkSink(Protocol):
-    """What takes the content of bulk outputs: the sink of a run."""
+    """The sink of a run, as far as bulk content goes into it."""
 
     def is_recorded(self, name: str, port: str, step: int) -> bool:
-        """Return whether it takes what a port publishes at a step."""
+        """Return whether the output of a step is recorded."""
 
     def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
-        """Take it."""
+        """Store the content of an output until its step is recorded."""
 
 
 class RunSlots:
@@ -53,11 +52,11 @@ class RunSlots:
                     self._files[name] = os.open(Path(folder) / name, flags, 0o600)
 
     def agree(self, ready: Mapping[str, Ready]) -> dict[str, int]:
-        """Return the outputs whose content goes through slots, with their number (P17.2).
+        """Return output → number of slots, of the outputs whose content goes through slots (P17.2).
 
-        ready: what each participant says. All that use an output have to have opened its file.
+        ready: of each participant. All that use an output have to have opened its file.
         """
-        opened = {name: set(one.slots) for name, one in ready.items()}
+        opened = {name: set(message.slots) for name, message in ready.items()}
         self._agreed = {
             name: count
             for name, count in self._counts.items()
@@ -66,7 +65,7 @@ class RunSlots:
         return self._agreed
 
     def take(self, name: str, outputs: Outputs, sink: BulkSink) -> str | None:
-        """Hand on the content that is in slots; return what is wrong with it, or None.
+        """Pass the content of slots to the sink; return the problem with it, or None.
 
         To be called before the outputs count as reported: then their slots may be reused.
         """
@@ -90,9 +89,9 @@ class RunSlots:
 
 
 def make_slots(scenario: Scenario, launcher: Launcher) -> RunSlots:
-    """Make the files for the bulk outputs of a scenario, which go with the private folder.
+    """Make the files for the bulk outputs of a scenario, which are removed with the private folder.
 
-    They are in memory, where there is room. Where none can be made, there are no slots.
+    They are in memory, where there is room. Where no file can be made, there are no slots.
     """
     if not slot_counts(scenario):
         return RunSlots()
@@ -132,3 +131,54 @@ def _keep_memory() -> None:
         mallopt(_M_MMAP_THRESHOLD, 32 << 20)
         mallopt(_M_TRIM_THRESHOLD, 128 << 20)
         mallopt(_M_TOP_PAD, 16 << 20)
+
+
+# --- how many -------------------------------------------------------------------------------
+
+
+def slot_counts(scenario: Scenario, *, has_feedback: bool = True) -> dict[str, int]:
+    """Return bulk output, `<participant>.<port>` → its number of slots; none on TCP.
+
+    has_feedback: whether sources wait for the outputs that they read, as in a run.
+    """
+    return {
+        file_name(spec.name, port): _count(
+            scenario, spec, port, has_feedback=has_feedback and output.record == "off"
+        )
+        for spec in scenario.participants
+        for port, output in spec.outputs.items()
+        if output.bulk and scenario.bus.transport == "unix"
+    }
+
+
+def _count(scenario: Scenario, source: ParticipantSpec, port: str, *, has_feedback: bool) -> int:
+    """Return after how many of its own the source may reuse a slot.
+
+    Who publishes step k knows that all have reported their steps up to k − window. A reader has
+    taken what was published `delay` before a step it does, once it reports that step, or, where it
+    publishes first, the next one. It does every `every`-th. Where the source reads that reader,
+    it is not a whole window ahead of it; of the orchestrator, which takes what is recorded, it is.
+    """
+    window = scenario.window
+    needed = [1 if has_feedback else window]
+    for spec in scenario.participants:
+        for item in spec.inputs.values():
+            if (item.source, item.port) == (source.name, port):
+                lag = item.delay + spec.every - 1
+                lag += spec.every if spec.publishes == "first" else 0
+                ahead = _most_ahead(source, spec) if has_feedback else None
+                needed.append(lag + (window if ahead is None else min(window, ahead)))
+    if len(needed) == 1:
+        needed.append(window)
+    return -(-max(needed) // source.every)
+
+
+def _most_ahead(source: ParticipantSpec, reader: ParticipantSpec) -> int | None:
+    """Return how far a source gets ahead of a reader whose outputs it reads; None: it reads none.
+
+    It publishes step k with what the reader has published at its newest step up to `delay` before
+    k, or, where it publishes first, before its step before k.
+    """
+    own = source.every if source.publishes == "first" else 0
+    delays = [item.delay for item in source.inputs.values() if item.source == reader.name]
+    return min(delays) + own if delays else None

@@ -1,8 +1,8 @@
-"""A process that has loaded what participants need, from which those that are classes are forked.
+"""A process that has loaded the usual libraries, and from which classes are forked.
 
-It is started like any of them, with the same interpreter and the same environment, before anything
-else is loaded here. What it cannot become is started as ever: a program, a class with another
-environment, one in a debugger.
+It is started with the interpreter and the environment of a participant, before anything else is
+loaded here. A program, a class with another environment, and a class in a debugger are started
+without it.
 """
 
 import contextlib
@@ -11,7 +11,7 @@ import os
 import socket
 import subprocess
 import threading
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -19,13 +19,15 @@ import msgspec
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes import PYTHON
 from stepbus_orchestrator.scenario.program import PYTHON as INTERPRETER
-from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, is_ours
+from stepbus_participant import ONE_THREAD, TICKET_VARIABLE
 from stepbus_participant.warm import WARM, Birth
 
 _COMMAND = (*INTERPRETER, "-m", "stepbus_participant")
 _PR_SET_CHILD_SUBREAPER, _PR_GET_CHILD_SUBREAPER = 36, 37
+_LIBRARIES = ("zenoh", "numpy")
+"""What nearly every class loads."""
 _ANSWER_S = 10.0
-"""How long it may take to load what it has to, and to fork [s]; it may have been stopped."""
+"""How long it may take to load its libraries, and to fork [s]; it may have been stopped."""
 _ROOM = " " * 250
 _TICKET_ROOM = " " * 4095
 """What the command of a participant, and the path of its ticket, take the place of."""
@@ -37,13 +39,9 @@ def participant_environment(ticket: str) -> Mapping[str, str]:
 
 
 class _Parent:
-    """The process. names: modules and classes that it loads; raises OSError when there is none.
+    """The process; raises OSError when it cannot be started."""
 
-    is_kept: several runs have it.
-    """
-
-    def __init__(self, names: Sequence[str], *, is_kept: bool) -> None:
-        self.is_kept = is_kept
+    def __init__(self) -> None:
         self._lock = threading.Lock()
         self._environment = participant_environment(_TICKET_ROOM)
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -51,7 +49,7 @@ class _Parent:
         with theirs, contextlib.ExitStack() as stack:
             stack.callback(self._channel.close)
             self._process = subprocess.Popen(
-                [*_COMMAND, WARM + _ROOM, *names],
+                [*_COMMAND, WARM + _ROOM, *_LIBRARIES],
                 stdin=theirs.fileno(),
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
@@ -115,18 +113,17 @@ _parent: _Parent | None = None
 
 
 @contextlib.contextmanager
-def warm_parent(classes: Collection[str] | None = None, *, runs: int = 1) -> Iterator[None]:
-    """Fork the participants of all runs in this context, where they are classes.
+def warm_parent(classes: int | None = None) -> Iterator[None]:
+    """Fork the participants of a run in this context, where they are classes.
 
-    classes: those of a run; None: they are not known yet. It takes two for a warm parent to be
-    worth its start. runs: how many there are; where several have these classes, those of our
-    packages are loaded once.
+    classes: how many these are; None: not known yet. It takes two for a warm parent to be worth its
+    start.
     """
     global _parent  # noqa: PLW0603  (a run knows nothing of those that follow)
     made = None
-    if _parent is None and (classes is None or len(classes) > 1):
+    if _parent is None and classes not in {0, 1}:
         with contextlib.suppress(OSError):
-            made = _parent = _Parent(_names(classes, runs), is_kept=runs > 1)
+            made = _parent = _Parent()
     try:
         yield
     finally:
@@ -135,18 +132,11 @@ def warm_parent(classes: Collection[str] | None = None, *, runs: int = 1) -> Ite
             made.end()
 
 
-def _names(classes: Collection[str] | None, runs: int) -> list[str]:
-    """Return what it loads, as of `warm_parent`."""
-    ours = sorted(set(filter(is_ours, classes or ())))
-    numbers = ["numpy"] if ours or classes is None else []
-    return ["zenoh", *numbers, *(ours if runs > 1 else [])]
-
-
 def all_started() -> None:
     """End the warm parent of a run whose participants have all been started."""
     # A run in another thread may take it away at any time.
     parent = _parent
-    if parent is not None and not parent.is_kept:
+    if parent is not None:
         parent.end()
 
 

@@ -15,7 +15,7 @@ from stepbus_orchestrator.replay.recorded import (
     replayable_steps,
     rewired,
 )
-from stepbus_orchestrator.scenario.faults import format_fault
+from stepbus_orchestrator.scenario.fault_texts import format_fault
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import suggest, whole_steps
 from stepbus_participant.parameters import parse_yaml

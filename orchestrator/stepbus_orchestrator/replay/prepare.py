@@ -10,6 +10,7 @@ from msgspec import structs, to_builtins
 
 from stepbus_orchestrator.analysis.tolerance import differences, short
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.processes.slots import slot_counts
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import PROGRAM, check_whole, replayable_steps, rewired
 from stepbus_orchestrator.replay.sources import Sources
@@ -18,7 +19,6 @@ from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_orchestrator.scenario.scenario_files import find_files
-from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 

@@ -17,7 +17,7 @@ from stepbus_orchestrator.run.folder import LOGS_FOLDER
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.live_file import Live, forget
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_orchestrator.scenario.program import start_command
+from stepbus_orchestrator.scenario.program import command
 from stepbus_participant import Bus, Clock, Disk
 
 
@@ -53,8 +53,10 @@ class Processes:
             # The orchestrator passes on what it plays.
             if not self.is_star:
                 slots = make_slots(scenario, launcher)
-            classes = [one.participant for one in specs if one.participant]
-            with warm_parent(classes), contextlib.ExitStack() as stack:
+            with (
+                warm_parent(sum(bool(one.participant) for one in specs)),
+                contextlib.ExitStack() as stack,
+            ):
                 bus = open_bus(mesh.orchestrator, run.key)
                 stack.callback(bus.close)
                 Live(run=run.key, token=run.token, endpoint=mesh.caller).save(run.out)
@@ -94,7 +96,7 @@ class _Launch(Strategy):
             external = self._launcher.admit(spec, endpoint, folder, **options)
             run.timing.event("external", spec.name)
             return ParticipantState(spec, external, external=external)
-        argv = start_command(spec, folder)
+        argv = command(spec.program, folder)
         child = self._launcher.start(spec, argv, endpoint, folder, **options)
         run.timing.event("spawn", spec.name, f"pid {child.pid}")
         return ParticipantState(spec, child)

@@ -26,7 +26,7 @@ from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.reports import Events, Observer
 from stepbus_orchestrator.run.result import Result, own_versions, result_of
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.scenario.faults import format_fault
+from stepbus_orchestrator.scenario.fault_texts import format_fault
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import check_installed
 from stepbus_orchestrator.scenario.resolve import resolved

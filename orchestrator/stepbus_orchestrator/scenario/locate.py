@@ -4,7 +4,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from stepbus_orchestrator.plugins import points
-from stepbus_orchestrator.scenario.scenario_files import is_file, is_folder, is_scenario
+from stepbus_orchestrator.scenario.scenario_files import is_file, is_scenario
 from stepbus_participant import extra_hint, suggest
 from stepbus_participant.parameters import fatal
 
@@ -44,7 +44,7 @@ def _missing(path: Path, name: str) -> str:
     hint = extra_hint(name.partition("/")[0])
     if hint and not path.suffix:
         return f"that scenario is not installed{hint}"
-    if is_folder(path):
+    if path.is_dir():
         return f"the folder has no {MAIN_FILE}"
     if path.suffix in {".yaml", ".yml"} or name.startswith((".", "/")):
         return f"no such file or folder (looked in {Path.cwd()})"

@@ -4,6 +4,7 @@ From here come reading, the tables of docs/reference/scenario.md and the JSON Sc
 Durations are integers [ns]; deadlines, of the wall clock, [s].
 """
 
+import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -135,8 +136,12 @@ class ParticipantRow(Settings, dict=True):
 
     @property
     def program(self) -> tuple[str, ...]:
-        """Return its command as `exec` would have it."""
-        return self.exec or ("python", "-m", "stepbus_participant", self.participant)
+        """Return the command that starts it, as `exec` would have it: its own, or its bridge's."""
+        if self.bridge is None:
+            return self.exec or ("python", "-m", "stepbus_participant", self.participant)
+        described = self.bridge.describe
+        describe = ("--describe", json.dumps(described)) if described else ()
+        return ("stepbus", "bridge", "--format", self.bridge.format, *describe, "--", *self.exec)
 
     @property
     def is_external(self) -> bool:

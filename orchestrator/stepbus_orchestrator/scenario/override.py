@@ -5,6 +5,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -24,17 +25,24 @@ _OF_NAMES = (("participants",), ("inputs",), ("outputs",))
 """Last keys of maps by name: to change a part of an entry that is not there is a slip."""
 
 
-def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
-    """Return a scenario with settings such as `duration=2s` or `bus.transport=tcp` applied.
+def override(
+    document: YamlFile, settings: Sequence[str], folder: Path
+) -> tuple[YamlFile, tuple[str, ...]]:
+    """Return a scenario with settings such as `duration=2s` applied, and the settings.
 
     The first part of a path is a key of the scenario or the name of a participant. Values are
-    YAML; null removes the key. Mistakes in settings become problems of the document.
+    YAML; null removes the key. Mistakes in settings become problems of the document. Files are
+    named relative to the scenario's folder: only so does a rerun find them in a copy.
     """
     data, places, problems = document.data, dict(document.places), list(document.own_problems)
+    named: list[str] = []
     for setting in settings:
         file = f"--set {setting}"
+        named.append(setting)
         try:
-            keys, value = _parsed(data, setting, file)
+            keys, given = _parsed(data, setting, file)
+            value = named_from(folder, ".".join(map(str, keys)), given)
+            named[-1] = _text(setting, given, value)
             data = _replaced(data, (), keys, value)
             places = {at: place for at, place in places.items() if at[: len(keys)] != keys}
             places[keys] = Place(file=file, line=0)
@@ -42,7 +50,7 @@ def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
             problems += exc.problems
         except WiringError as exc:
             problems.append(Problem(file=file, line=0, message=str(exc)))
-    return YamlFile(file=document.file, data=data, places=places, own_problems=tuple(problems))
+    return replace(document, data=data, places=places, own_problems=tuple(problems)), tuple(named)
 
 
 def _parsed(data: dict[str, Any], setting: str, file: str) -> tuple[Keys, Any]:
@@ -101,35 +109,33 @@ def _replaced(node: Any, at: Keys, keys: Keys, value: Any) -> Any:
 
 def named_from_here(setting: str) -> str:
     """Return a setting of the command line, with the whole path of each file of this folder."""
-    return changed_value(setting, lambda _path, value: _renamed(value, os.path.abspath))
+    try:
+        value = parse_yaml("", setting.partition("=")[2])
+    except SettingsError:
+        return setting  # `override` says what is wrong
+    return _text(setting, value, _renamed(value, os.path.abspath))
+
+
+def _text(setting: str, value: Any, changed: Any) -> str:
+    """Return a setting with its value changed; the same text where it stays."""
+    return setting if changed == value else f"{setting.partition('=')[0]}={yaml_text(changed)}"
 
 
 def named_from(folder: Path, path: str, value: Any) -> Any:
     """Return the value of a setting, with files relative to the scenario's folder.
 
-    Only so does a rerun find them in a copy. A program of `exec` that is not recorded keeps its
-    path: it is outside the folder, or in a virtual environment.
+    A program of `exec` that is not recorded keeps its path: it is outside the folder, or in a
+    virtual environment.
     """
     is_exec = path.endswith((".exec", ".exec.0"))
 
     def name(file: str) -> str:
-        path = Path(file)
-        is_far = not path.is_relative_to(folder) or is_in_environment(path)
-        stays = not path.is_absolute() or (is_exec and os.access(file, os.X_OK) and is_far)
+        here = Path(file)
+        is_far = not here.is_relative_to(folder) or is_in_environment(here)
+        stays = not here.is_absolute() or (is_exec and os.access(file, os.X_OK) and is_far)
         return file if stays else os.path.relpath(file, folder)
 
     return _renamed(value, name)
-
-
-def changed_value(setting: str, change: Callable[[str, Any], Any]) -> str:
-    """Return a setting with another value; the same text where the value stays."""
-    path, _, text = setting.partition("=")
-    try:
-        value = parse_yaml("", text)
-    except SettingsError:
-        return setting  # `override` says what is wrong
-    changed = change(path, value)
-    return setting if changed == value else f"{path}={yaml_text(changed)}"
 
 
 def _renamed(value: Any, rename: Callable[[str], str]) -> Any:

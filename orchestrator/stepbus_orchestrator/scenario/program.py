@@ -1,7 +1,6 @@
 """Which program or class a participant starts, and whether it is there."""
 
 import importlib.util
-import json
 import os
 import shutil
 import sys
@@ -39,8 +38,9 @@ PYTHON = (sys.executable, "-P")
 def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
     """Return the command that starts a participant, with `folder` as its working directory.
 
-    words: `exec` of the scenario. `python` is this interpreter and `stepbus` this installation;
-    any other program is a file of the scenario's folder, or else one on PATH.
+    words: `program` of a participant. `python` is this interpreter and `stepbus` this installation;
+    any other program is a file of the scenario's folder, or else one on PATH. So is the one behind
+    `stepbus bridge … --`.
 
     Raises WiringError when there is no such program.
     """
@@ -49,29 +49,12 @@ def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
         runs_ours = len(rest) > 1 and rest[0] == "-m" and is_installed(rest[1])
         return (*(PYTHON if runs_ours else PYTHON[:1]), *rest)
     if (program, *rest[:1]) == ("stepbus", "bridge"):
-        return _bridge_command(rest[1:], folder)
+        split = rest.index("--") + 1 if "--" in rest else len(rest)
+        bridged = command(rest[split:], folder) if rest[split:] else ()
+        return (*PYTHON, "-m", "stepbus_bridge", *rest[1:split], *bridged)
     if program == "stepbus":
         return (*PYTHON, "-m", "stepbus_orchestrator.cli", *rest)
     return (_find(program, folder), *rest)
-
-
-def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
-    """Return the command that starts a participant: that of its program, or of the bridge to it.
-
-    Raises WiringError when there is no such program.
-    """
-    if spec.bridge is None:
-        return command(spec.program, folder)
-    described = spec.bridge.describe
-    describe = ("--describe", json.dumps(described)) if described else ()
-    return _bridge_command(("--format", spec.bridge.format, *describe, "--", *spec.exec), folder)
-
-
-def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:
-    """Return the command of the bridge; the bridged program, after `--`, is found first."""
-    split = arguments.index("--") + 1 if "--" in arguments else len(arguments)
-    program = command(arguments[split:], folder) if arguments[split:] else ()
-    return (*PYTHON, "-m", "stepbus_bridge", *arguments[:split], *program)
 
 
 def replaced_program(
@@ -86,7 +69,7 @@ def replaced_program(
         return spec
     describe = {} if spec.bridge is None else spec.bridge.describe
     through = None if bridge is None else BridgeSpec(format=bridge, describe=describe)
-    replaced = tuple(program) or spec.program
+    replaced = tuple(program) or structs.replace(spec, bridge=None).program
     return structs.replace(spec, participant="", exec=replaced, bridge=through)
 
 

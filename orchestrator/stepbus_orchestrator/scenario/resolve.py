@@ -12,7 +12,7 @@ from ruamel.yaml.representer import SafeRepresenter
 
 from stepbus_participant import format_duration
 
-from .faults import format_fault
+from .fault_texts import format_fault
 from .model import BridgeSpec, HoldSpec, ParticipantSpec, Scenario
 from .ports import InputSpec, OutputSpec
 

@@ -182,14 +182,6 @@ def is_in_environment(path: Path) -> bool:
     return is_file(path.parent.parent / "pyvenv.cfg")
 
 
-def is_folder(path: Path) -> bool:
-    """Return whether there is a folder; likewise."""
-    try:
-        return path.is_dir()
-    except OSError:
-        return False
-
-
 def is_scenario(path: Path) -> bool:
     """Return whether a YAML file has the keys of a scenario, or of a part of one."""
     is_yaml = path.suffix in {".yaml", ".yml"} and is_file(path)

@@ -6,8 +6,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import astuple
 
-from stepbus_bridge.bridge import Bridge, Described
-from stepbus_bridge.program import BridgeError, show
+from stepbus_bridge.bridge import Bridge, BridgeError, Described, show
 from stepbus_participant import Config, Step
 from stepbus_schemas import BRIDGE_VERSION, Description, Message, Types, WiringError, explained
 

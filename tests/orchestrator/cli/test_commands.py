@@ -50,27 +50,6 @@ def test_a_new_scenario_runs_as_it_is(tmp_path, capsys):
     assert (tmp_path / "out" / "report.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["run", "two_lonk"], "two_link"),
-        (["run", "two_link", "--set", "controler.params.kp=1"], "controller"),
-        (["run", "two_link", "--set", "nonsense"], "nonsense"),
-        (["run", "two_link", "--out", "/proc/no/such"], "cannot create folder"),
-        (["validate", "/no/such/file.yaml"], "/no/such/file.yaml"),
-        (["describe", "/dev/null"], "/dev/null"),
-        (["new", "/proc/no/such"], "cannot be written"),
-        (["diff", "/dev/null", "/dev/null"], "/dev/null"),
-    ],
-    ids=str,
-)
-def test_an_error_is_sentences_and_never_a_traceback(arguments, sentence, capsys):
-    assert main(arguments) in {ExitCode.SCENARIO, ExitCode.RECORDING}
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert "Traceback" not in said
-
-
 def test_a_current_folder_that_is_gone_is_a_sentence(tmp_path, capsys, monkeypatch):
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")

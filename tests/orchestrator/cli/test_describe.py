@@ -46,13 +46,6 @@ def two_link():
     return {participant.participant: participant for participant in describe(load("two_link"))}
 
 
-def test_both_joints_have_their_limits(two_link):
-    said = two_link["plant"].outputs[0].description
-    assert said.names == ["joint1", "joint2"]
-    assert said.limits["effort"] == [50, 50]
-    assert said.details["mode"] == ["torque", "torque"]
-
-
 def test_participants_come_in_the_order_of_the_schedule_with_their_wiring(two_link):
     assert list(two_link) == ["plant", "mission", "controller"]
     rows = [(item.port, item.type, item.source) for item in two_link["controller"].inputs]

@@ -69,9 +69,7 @@ def test_no_package_replaces_a_command_of_the_core(capsys):
     assert "valid; 2000 steps" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    "value", ["acme_gone:Greet", "acme_tools:gone", "acme_tools:greet_command"]
-)
+@pytest.mark.parametrize("value", ["acme_gone:Greet", "acme_tools:gone"])
 def test_a_command_that_cannot_be_loaded_is_an_error_and_the_others_work(acme, capsys, value):
     acme.write_text(f"[stepbus.commands]\nbroken = {value}\n")
     assert main(["broken"]) == ExitCode.SCENARIO

@@ -8,7 +8,7 @@ import subprocess
 import pytest
 from support.runs.terminal import STEPBUS, at_terminal
 
-from stepbus_orchestrator.cli.terminal.live import Display, Lines, Reached
+from stepbus_orchestrator.cli.terminal.live import Display, Reached
 from stepbus_orchestrator.run.reports import Progress
 
 CURSOR = re.compile(r"\x1b\[[\d;?]*[A-Zhl]")
@@ -29,12 +29,12 @@ def progress(**given):
 def printed(reports):
     """Return the times at which lines come, of reports (time, whether it is paused)."""
     now, lines = [0.0], []
-    shown = Lines(io.StringIO(), lambda: now[0])
+    shown = Display(io.StringIO(), "arm", clock=lambda: now[0])
     shown.say = lambda line: lines.append((now[0], line))
     for time_s, is_paused in reports:
         now[0] = time_s
         what = "paused before step 3" if is_paused else "step 3"
-        shown.show(Reached(title="arm", what=what, is_paused=is_paused))
+        shown.show(Reached(what=what, is_paused=is_paused))
     return lines
 
 
@@ -56,11 +56,12 @@ def test_a_pause_is_said_once_and_so_is_its_end():
 
 
 def test_a_run_says_its_share_its_rate_and_the_time_left():
-    display = Display(Lines(io.StringIO()), "arm")
+    display = Display(io.StringIO(), "arm")
     display.reached(progress())
     reached = display.reached(progress(step=400, elapsed_s=1.0))
-    line = "arm: step 400 of 2000, t = 2.00 s, 20 %, 2.0 × real time, 0:00:04 left"
-    assert reached.line() == f"{line}; slowest: controller, 210 µs a step"
+    assert reached.what == "step 400 of 2000, t = 2.00 s"
+    assert reached.figures() == ["20 %", "2.0 × real time", "0:00:04 left"]
+    assert reached.note == "slowest: controller, 210 µs a step"
     assert display.reached(progress(step=400, elapsed_s=2000.0)).left_s > 1000
 
 

@@ -1,4 +1,4 @@
-"""What the command line says of a word that it does not know."""
+"""What the command line says of words and files that it cannot use."""
 
 from __future__ import annotations
 
@@ -26,6 +26,14 @@ from stepbus_orchestrator.cli import main
         (["report", "."], "is not the folder of a run"),
         (["run", "two_link", "--join-timeout", "1s"], "participants with `start: external`"),
         (["run", "two_link", "--view", "--pause-at", "-1"], "'-1'"),
+        (["run", "two_lonk"], "two_link"),
+        (["run", "two_link", "--set", "controler.params.kp=1"], "controller"),
+        (["run", "two_link", "--set", "nonsense"], "nonsense"),
+        (["run", "two_link", "--out", "/proc/no/such"], "cannot create folder"),
+        (["validate", "/no/such/file.yaml"], "/no/such/file.yaml"),
+        (["describe", "/dev/null"], "/dev/null"),
+        (["new", "/proc/no/such"], "cannot be written"),
+        (["diff", "/dev/null", "/dev/null"], "/dev/null"),
     ],
 )
 def test_what_is_not_there_is_told_with_what_to_give(
@@ -34,4 +42,6 @@ def test_what_is_not_there_is_told_with_what_to_give(
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit, match=r"[^0]"):
         raise SystemExit(main(words))
-    assert sentence in " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().err.split())
+    assert sentence in said
+    assert "Traceback" not in said

@@ -9,7 +9,7 @@ from support.runs.joints import leftovers
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario.faults import FAULT_TYPES
+from stepbus_orchestrator.scenario.fault_texts import FAULT_TYPES
 from stepbus_orchestrator.scenario.load import load
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]

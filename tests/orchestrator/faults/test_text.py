@@ -3,7 +3,7 @@
 import pytest
 
 from stepbus_orchestrator.errors import ScenarioError
-from stepbus_orchestrator.scenario.faults import FAULT_TYPES, format_fault
+from stepbus_orchestrator.scenario.fault_texts import FAULT_TYPES, format_fault
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.resolve import resolved
 

@@ -14,8 +14,8 @@ import pytest
 from support.runs.kernel import scenario
 from support.surroundings import no_borrowed_descriptors
 
+from stepbus_orchestrator.processes.attached import cut_links
 from stepbus_orchestrator.processes.endpoints import make_mesh, private_folder
-from stepbus_orchestrator.processes.external import cut_links
 from stepbus_orchestrator.scenario.model import BusSpec
 from stepbus_participant import Endpoint, ZenohBus
 

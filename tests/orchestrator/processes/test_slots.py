@@ -10,11 +10,10 @@ from support.runs.kernel import participant, scenario
 from support.surroundings import comes_true
 
 from stepbus_orchestrator.processes import reaper
-from stepbus_orchestrator.processes.slots import RunSlots
+from stepbus_orchestrator.processes.slots import RunSlots, slot_counts
 from stepbus_orchestrator.recording import Sink
 from stepbus_orchestrator.run.kernel.barrier import Barrier
 from stepbus_orchestrator.scenario.ports import InputSpec, OutputSpec
-from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_schemas import Outputs, Ready, due_step
 
 STEPS = 60

@@ -8,18 +8,8 @@ from stepbus_orchestrator.plugins import all_points
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.locate import builtin_names, locate, package_url
 from stepbus_orchestrator.scenario.model import BusSpec, Deadlines
-from stepbus_orchestrator.scenario.ports import InputSpec, OutputSpec
+from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_participant import is_installed
-
-
-def test_a_scenario_becomes_frozen_types(tmp_path):
-    scenario = load_text(tmp_path)
-    assert (scenario.name, scenario.step_ns, scenario.steps) == ("arm", 5_000_000, 2000)
-    assert [spec.name for spec in scenario.participants] == ["plant", "controller", "mission"]
-    assert scenario.participant("mission").every == 4
-    assert scenario.participant("mission").inputs == {
-        "joint_state": InputSpec(from_="plant.joint_state", delay=1)
-    }
 
 
 def test_what_is_not_set_has_its_default(tmp_path):

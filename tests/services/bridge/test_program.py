@@ -10,8 +10,8 @@ from support.runs.bridge import BRIDGED
 from support.services.control import make_config
 
 from stepbus.testing import feed
+from stepbus_bridge.bridge import BridgeError
 from stepbus_bridge.map_bridge import MapBridge
-from stepbus_bridge.program import BridgeError
 from stepbus_bridge.raw_bridge import RawBridge
 from stepbus_schemas import (
     Description,

@@ -7,7 +7,7 @@ import pytest
 from support.runs.scenario import changed, load_text, problem_of
 
 from stepbus_orchestrator.scenario.model import BridgeSpec
-from stepbus_orchestrator.scenario.program import command, start_command
+from stepbus_orchestrator.scenario.program import command
 from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_schemas import WiringError
 
@@ -20,13 +20,13 @@ def test_one_word_is_all_a_user_writes(tmp_path):
     spec = load_text(tmp_path, BRIDGED).participant("controller")
     assert spec.bridge == BridgeSpec(format="json")
     words = (sys.executable, "-P", "-m", "stepbus_bridge", "--format", "json", "--")
-    assert start_command(spec, tmp_path) == (*words, sys.executable, "-c", "pass")
+    assert command(spec.program, tmp_path) == (*words, sys.executable, "-c", "pass")
 
 
 def test_the_long_form_describes_the_outputs(tmp_path):
     spec = load_text(tmp_path, BRIDGED, f"controller.bridge={LONG}").participant("controller")
     assert spec.bridge == BridgeSpec(format="json", describe={"command": {"like": "reference"}})
-    assert '{"command": {"like": "reference"}}' in start_command(spec, tmp_path)
+    assert '{"command": {"like": "reference"}}' in command(spec.program, tmp_path)
 
 
 @pytest.mark.parametrize("value", ["msgpack", LONG])

@@ -104,7 +104,7 @@ def test_the_report_of_half_a_recording_says_so(recording, tmp_path, capsys):
 _PROGRAM = """
 import sys
 
-import stepbus_orchestrator.cli.execute as module
+import stepbus_orchestrator.cli.dispatch as module
 from stepbus_orchestrator.cli.entry import main
 
 class Field:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, say, table
 from stepbus_orchestrator.errors import ExitCode

@@ -1,12 +1,10 @@
 """`stepbus sweep`: many runs of one scenario, and one table of them."""
 
-import sys
 from collections.abc import Iterator
-from contextlib import closing, nullcontext
 
 from stepbus import sweep
-from stepbus_orchestrator.cli.signals import interruptible
-from stepbus_orchestrator.cli.terminal.live import Reached, open_screen
+from stepbus_orchestrator.cli.interrupts import interruptible
+from stepbus_orchestrator.cli.terminal.live import Reached, displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.scenario.override import yaml_text
 from stepbus_participant import parse_duration
@@ -22,10 +20,10 @@ def sweep_command(given: Sweep) -> Answer:
     options |= {"jobs": jobs or 0, "timeout_s": parse_duration(timeout) * 1e-9 if timeout else 0.0}
     with (
         interruptible(ends=True) as interrupt,
-        nullcontext() if is_json else closing(open_screen(sys.stdout)) as screen,
+        displayed("sweep", quiet=is_json) as display,
     ):
-        if screen is not None:
-            options["on_progress"] = lambda progress: screen.show(_reached(progress))
+        if display is not None:
+            options["on_progress"] = lambda progress: display.show(_reached(progress))
         result = sweep(**options, interrupt=interrupt)
     return Answer(value=result, lines=_summary(result))
 
@@ -34,7 +32,6 @@ def _reached(progress: SweepProgress) -> Reached:
     failed = f", {progress.failed} failed" if progress.failed else ""
     what = "" if progress.phase == RUNNING else f"; {progress.phase}"
     return Reached(
-        title="sweep",
         what=f"{progress.done} of {progress.total} runs{failed}{what}",
         done=progress.done,
         total=progress.total,

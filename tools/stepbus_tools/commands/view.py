@@ -5,7 +5,7 @@ import threading
 from contextlib import closing
 from pathlib import Path
 
-from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.live_file import LIVE_FILE

@@ -15,7 +15,6 @@ from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.player import Ports
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
-from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
 from stepbus_schemas import (
     SPOKEN,

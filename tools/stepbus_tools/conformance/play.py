@@ -14,7 +14,7 @@ from msgspec import structs
 
 from stepbus_orchestrator.errors import Interrupted
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_orchestrator.scenario.program import replaced_program, start_command
+from stepbus_orchestrator.scenario.program import command, replaced_program
 from stepbus_participant import suggest
 from stepbus_schemas import BridgeFormat, WiringError, error_text, raw_fields
 
@@ -147,13 +147,13 @@ def conformance(
     started = replaced_program(own, program, bridge)
     is_raw = started.bridge is not None and started.bridge.format == "raw"
     cwd = Path.cwd() if program else scenario.folder
-    command = start_command(started, cwd)
+    words = command(started.program, cwd)
     with tempfile.TemporaryDirectory(prefix="conformance-") as folder:
         prepared = _prepared(scenario, own, is_raw=is_raw)
         material = record(prepared, participant, Path(folder, "run"))
         kit = Kit(
             material=material,
-            command=command,
+            command=words,
             cwd=cwd,
             logs=logs or Path(folder, "logs"),
             interrupt=interrupt or threading.Event(),
@@ -165,7 +165,7 @@ def conformance(
     return Report(
         scenario=scenario.name,
         participant=participant,
-        program=command,
+        program=words,
         steps=material.steps,
         checks=results,
     )

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from msgspec import structs
 
+from stepbus_orchestrator.processes.slots import slot_counts
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import SlotError, SlotWriter, file_name, make_file, read_slot
 from stepbus_schemas import Outputs, Ready
 

@@ -68,7 +68,8 @@ class RowRun:
     @cached_property
     def scenario(self) -> dict[str, Any]:
         """Return the scenario with the values of this run."""
-        return override(read_yaml(self._file, "a scenario"), self._settings).data
+        document = read_yaml(self._file, "a scenario")
+        return override(document, self._settings, self._file.parent)[0].data
 
     @cached_property
     def attachments(self) -> dict[str, bytes]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from stepbus_orchestrator.recording import Port, Recording, layout
 from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.scenario.faults import read_fault
+from stepbus_orchestrator.scenario.fault_texts import read_fault
 from stepbus_schemas import (
     CallRecord,
     Decoder,

@@ -5,14 +5,17 @@ import math
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 from stepbus_orchestrator.cli.terminal.keys import HELP
 from stepbus_orchestrator.cli.terminal.output import INDENT, fold, has_screen, visible, write
 from stepbus_orchestrator.run.reports import Observer, Progress
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
 
 _FIRST_LINE_S = 2.0
 _LINES_EVERY_S = 60.0
@@ -27,12 +30,11 @@ _LEAST_RATE = 0.01
 class Reached:
     """How far a command is.
 
-    title: what it does. what: where it is, e.g. `step 840 of 2000`. done, total: how much, in any
-    unit; a total of None has no end. rate: how fast, in words. left_s: time left [s]; None: not
-    known. is_paused: nothing moves until the user lets it. note: what else is worth a line.
+    what: where it is, e.g. `step 840 of 2000`. done, total: how much, in any unit; a total of None
+    has no end. rate: how fast, in words. left_s: time left [s]; None: not known. is_paused: nothing
+    moves until the user lets it. note: what else is worth a line.
     """
 
-    title: str
     what: str
     done: float = 0.0
     total: float | None = None
@@ -49,134 +51,86 @@ class Reached:
         left = f"{timedelta(seconds=seconds)} left" if seconds else ""
         return [figure for figure in (share, self.rate, left) if figure]
 
-    def line(self) -> str:
-        """Return all of it in one line."""
-        note = f"; {self.note}" if self.note else ""
-        return f"{self.title}: {', '.join([self.what, *self.figures()])}{note}"
 
+class Display(Observer):
+    """Shows how far a command is: a bar that is drawn again in a terminal, elsewhere lines.
 
-class Lines:
-    """Prints lines: of progress after 2, 10 and 50 s, then each minute, and at the ends of a pause.
+    Lines come after 2, 10 and 50 s, then each minute, and at the ends of a pause.
 
-    clock: seconds of the wall clock.
+    title: of the command. degrees: with the angles of all joints. is_plain: no progress of a run,
+    and no bar. below: a line that always stands below the bar. clock: seconds of the wall clock.
     """
 
-    def __init__(self, stream: IO[str], clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        stream: IO[str],
+        title: str,
+        *,
+        degrees: bool = False,
+        is_plain: bool = False,
+        below: str = "",
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._stream = stream
+        self._title = title
+        self._degrees = degrees
+        self._is_plain = is_plain
+        self._below = below
         self._clock = clock
+        self._bar = _bar(stream, title) if has_screen(stream) and not is_plain else None
         self._began_s = clock()
         self._due_s = _FIRST_LINE_S
         self._is_paused = False
+        self._newest: deque[Progress] = deque(maxlen=_REPORTS)
 
     def say(self, text: str) -> None:
-        """Print a line."""
-        write(self._stream, f"{text}\n")
+        """Print a line, above the bar if there is one."""
+        if self._bar is None:
+            write(self._stream, f"{text}\n")
+        else:
+            screen = self._bar.console
+            screen.print(fold(visible(text), screen.width, INDENT), markup=False, soft_wrap=True)
 
     def show(self, reached: Reached) -> None:
-        """Print how far the command is, if it is time to."""
+        """Show how far the command is; as a line, if it is time for one."""
+        if self._bar is not None:
+            lines = ("  ".join(reached.figures()), reached.what, reached.note, self._below)
+            text = "\n".join(filter(None, lines))
+            (task,) = self._bar.task_ids
+            self._bar.update(task, total=reached.total, completed=reached.done, text=text)
+            self._bar.start()
+            self._bar.refresh()
+            return
         passed_s = self._clock() - self._began_s
         is_due = passed_s >= self._due_s
         if is_due:
             self._due_s = min(5 * passed_s, passed_s + _LINES_EVERY_S)
         if reached.is_paused != self._is_paused or (is_due and not reached.is_paused):
             self._is_paused = reached.is_paused
-            self.say(reached.line())
+            note = f"; {reached.note}" if reached.note else ""
+            self.say(f"{self._title}: {', '.join([reached.what, *reached.figures()])}{note}")
 
     def close(self) -> None:
-        """Do nothing: lines stay."""
-
-
-class Bar:
-    """Draws one bar, again with each report; lines that are printed meanwhile stand above it.
-
-    below: lines that always stand below its figures.
-    """
-
-    def __init__(self, stream: IO[str], below: Sequence[str] = ()) -> None:
-        # In a pipe, nothing of a run has to load it.
-        from rich import console, progress, table  # noqa: PLC0415
-
-        self._below = below
-        self._progress = progress.Progress(
-            progress.TextColumn("{task.description}", "bold", markup=False),
-            progress.BarColumn(_BAR_COLUMNS, complete_style="cyan", finished_style="cyan"),
-            progress.TextColumn("{task.fields[text]}", markup=False, table_column=table.Column()),
-            console=console.Console(file=stream),
-            auto_refresh=False,
-            transient=True,
-        )
-        self._task = self._progress.add_task("", total=None, text="")
-
-    def say(self, text: str) -> None:
-        """Print a line above the bar."""
-        screen = self._progress.console
-        screen.print(fold(visible(text), screen.width, INDENT), markup=False, soft_wrap=True)
-
-    def show(self, reached: Reached) -> None:
-        """Draw how far the command is."""
-        lines = ("  ".join(reached.figures()), reached.what, reached.note, *self._below)
-        self._progress.update(
-            self._task,
-            description=reached.title,
-            total=reached.total,
-            completed=reached.done,
-            text="\n".join(filter(None, lines)),
-        )
-        self._progress.start()
-        self._progress.refresh()
-
-    def close(self) -> None:
-        """Remove the bar."""
-        self._progress.stop()
-
-
-def open_screen(stream: IO[str], below: Sequence[str] = ()) -> Lines | Bar:
-    """Return the bar of a terminal that can draw it, lines elsewhere. below: lines below the bar.
-
-    Either has `say`, which prints a line, `show`, which shows progress, and `close`.
-    """
-    return Bar(stream, below) if has_screen(stream) else Lines(stream)
-
-
-class Display(Observer):
-    """Shows on a screen how far a run is, and how fast it is now, and what it reports.
-
-    degrees: with the angles of all joints. has_progress: otherwise it shows sentences only.
-    """
-
-    def __init__(
-        self,
-        screen: Lines | Bar,
-        title: str,
-        *,
-        degrees: bool = False,
-        has_progress: bool = True,
-    ) -> None:
-        self._screen = screen
-        self._title = title
-        self._degrees = degrees
-        self._has_progress = has_progress
-        self._newest: deque[Progress] = deque(maxlen=_REPORTS)
-        self.say = screen.say
-        """Show a line, above the bar if there is one."""
+        """Remove the bar; lines stay."""
+        if self._bar is not None:
+            self._bar.stop()
 
     def progress(self, progress: Progress) -> None:
-        """Show the progress of the run."""
-        if self._has_progress:
-            self._screen.show(self.reached(progress))
+        """Show the progress of a run."""
+        if not self._is_plain:
+            self.show(self.reached(progress))
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Show a sentence, above the bar if there is one."""
+        """Show an event of a run."""
         where = who if step < 0 else f"{who} at step {step}"
         self.say(f"{level}: {where}: {text}")
 
     def reached(self, progress: Progress) -> Reached:
-        """Return how far the run is, by its newest report."""
+        """Return how far a run is, by its newest report."""
         rate = self._rate(progress)
         left = (progress.steps or 0) - progress.step
         factor = rate * progress.step_ns * 1e-9
         return Reached(
-            title=self._title,
             what=_what(progress),
             done=progress.step,
             total=progress.steps,
@@ -198,6 +152,22 @@ class Display(Observer):
         return rate if rate > _LEAST_RATE else 0.0
 
 
+def _bar(stream: IO[str], title: str) -> "Bar":
+    # In a pipe, nothing of a run has to load it.
+    from rich import console, progress, table  # noqa: PLC0415
+
+    bar = progress.Progress(
+        progress.TextColumn("{task.description}", "bold", markup=False),
+        progress.BarColumn(_BAR_COLUMNS, complete_style="cyan", finished_style="cyan"),
+        progress.TextColumn("{task.fields[text]}", markup=False, table_column=table.Column()),
+        console=console.Console(file=stream),
+        auto_refresh=False,
+        transient=True,
+    )
+    bar.add_task(title, total=None, text="")
+    return bar
+
+
 @contextlib.contextmanager
 def displayed(
     title: str,
@@ -217,12 +187,12 @@ def displayed(
     if quiet and not invites:
         yield None
         return
-    is_plain = plain or quiet
     # The stream itself: a run in one process replaces `sys.stdout` during a participant's turn.
     stream = sys.stderr if quiet else sys.stdout
-    screen = Lines(stream) if is_plain else open_screen(stream, (HELP,) if keys else ())
-    with contextlib.closing(screen):
-        yield Display(screen, title, degrees=degrees, has_progress=not is_plain)
+    below = HELP if keys else ""
+    display = Display(stream, title, degrees=degrees, is_plain=plain or quiet, below=below)
+    with contextlib.closing(display):
+        yield display
 
 
 def _note(progress: Progress, *, degrees: bool) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
-from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
+from stepbus_orchestrator.scenario.fault_texts import PROCESS_FAULTS, faults_of, format_fault
 from stepbus_orchestrator.scenario.model import EXTERNAL_SPAWN_S, ParticipantSpec, Scenario
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError

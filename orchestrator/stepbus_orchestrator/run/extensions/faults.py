@@ -12,7 +12,7 @@ from stepbus_orchestrator.processes.child import Process
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
-from stepbus_orchestrator.scenario.faults import (
+from stepbus_orchestrator.scenario.fault_texts import (
     MESSAGE_FAULTS,
     PROCESS_FAULTS,
     faults_of,

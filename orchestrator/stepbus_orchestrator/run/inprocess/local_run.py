@@ -21,7 +21,7 @@ from stepbus_orchestrator.run.inprocess.turns import MOST, PUBLISHED, STAGE, Sta
 from stepbus_orchestrator.run.inprocess.watch import watched
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
-from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
+from stepbus_orchestrator.scenario.fault_texts import PROCESS_FAULTS, faults_of, format_fault
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import (
     Clock,

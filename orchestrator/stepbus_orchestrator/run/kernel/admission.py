@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 
 from msgspec import structs
 
-from stepbus_orchestrator.scenario.faults import MESSAGE_FAULTS, faults_of
+from stepbus_orchestrator.scenario.fault_texts import MESSAGE_FAULTS, faults_of
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_schemas import (
     PROTOCOL_VERSION,

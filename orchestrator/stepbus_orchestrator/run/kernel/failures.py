@@ -52,7 +52,7 @@ def _start(participant: ParticipantState, phase: str) -> tuple[str, str]:
 
 def _worker(participant: ParticipantState) -> str:
     """Return the program behind a bridge, which does the participant's work."""
-    return "" if participant.spec.bridge is None else f"`{' '.join(participant.spec.program)}` "
+    return "" if participant.spec.bridge is None else f"`{' '.join(participant.spec.exec)}` "
 
 
 def late_for_step(state: RunState, late: list[ParticipantState]) -> StepTimeout:

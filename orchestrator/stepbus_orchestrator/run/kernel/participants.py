@@ -9,8 +9,8 @@ from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_schemas import Ready, Waiting
 
 if TYPE_CHECKING:
+    from stepbus_orchestrator.processes.attached import Attached
     from stepbus_orchestrator.processes.child import Process
-    from stepbus_orchestrator.processes.external import External
 
 
 class Phase(IntEnum):
@@ -52,7 +52,7 @@ class ParticipantState:
     language: str = ""
     takes_batches: bool = False
     drops: Mapping[str, int] = field(default_factory=dict)
-    external: "External | None" = None
+    external: "Attached | None" = None
     has_left: bool = False
 
     @property

@@ -4,7 +4,7 @@ import numpy as np
 from support.runs.patience import patient
 
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of
+from stepbus_orchestrator.scenario.fault_texts import PROCESS_FAULTS, faults_of
 from stepbus_orchestrator.scenario.load import load
 
 NAMES = ("plant", "perception", "world", "mission", "controller", "planner")

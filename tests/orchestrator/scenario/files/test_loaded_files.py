@@ -74,12 +74,6 @@ def test_who_declares_files_is_not_told(perl):
     assert (list(scenario.files), list(scenario.left_out)) == (["c.pl", "lib/PD.pm"], [])
 
 
-def test_many_files_are_too_many(perl):
-    for number in range(501):
-        (perl / f"{number}.txt").touch()
-    assert names(perl, "[perl, c.pl]") == ["c.pl"]
-
-
 def test_declared_files_and_folders_are_recorded(tmp_path):
     for name in ("build/a.so", "build/deep/b.so", "one.log", "two.log", "notes.md"):
         program(tmp_path, name)

@@ -18,7 +18,7 @@ os.environ["TMPDIR"] = temporary  # the node that is killed cannot remove its fo
 
 from ray.cluster_utils import Cluster  # noqa: E402  (Ray reads the environment when it is imported)
 
-from stepbus_orchestrator.cli.execute import execute  # noqa: E402
+from stepbus_orchestrator.cli.dispatch import execute  # noqa: E402
 
 folder = Path(sys.argv[1])
 cluster = Cluster(

@@ -34,14 +34,14 @@ class JoinTicket(Ticket, frozen=True, kw_only=True):
     empty: there is none.
     """
 
-    exec: list[str]
+    exec: tuple[str, ...]
     folder: str
     bridge: BridgeFormat | Literal[""]
     describe: dict[str, Any]
 
 
-def publish(ticket: JoinTicket, path: Path) -> None:
-    """Write a ticket to a path that the user knows, whole from its first moment.
+def publish(ticket: Ticket, path: Path) -> None:
+    """Write a ticket to a path, whole from its first moment.
 
     Raises StartFailed where it cannot be written, or where the path is taken.
     """
@@ -104,7 +104,7 @@ def _read(path: Path) -> JoinTicket:
             raise WiringError(f"{path}: not a ticket: {explained(exc)}") from exc
 
 
-class External(Process):
+class Attached(Process):
     """A process that the user has started, as far as we can see it.
 
     It is known by its place on the bus and, where it is a process of this user in our own

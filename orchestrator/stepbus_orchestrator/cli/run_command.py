@@ -5,7 +5,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from stepbus_orchestrator.cli.commands import Run
-from stepbus_orchestrator.cli.signals import interruptible, interrupting
+from stepbus_orchestrator.cli.interrupts import interruptible, interrupting
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
