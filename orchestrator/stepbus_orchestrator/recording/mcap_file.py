@@ -19,7 +19,7 @@ from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, encode_chunk
 from stepbus_orchestrator.recording.locked_file import LockedFile
 from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END, bytes_of
 from stepbus_orchestrator.recording.summary import Summary
-from stepbus_participant import Disk, open_regular
+from stepbus_participant import Disk, replaced
 from stepbus_schemas import json_schema, reached
 
 _FAILURES = (OSError, MemoryError)
@@ -284,25 +284,14 @@ def whole_file(path: Path, disk: Disk = os, **header: str) -> Iterator[McapFile]
 
     header: as of `McapFile`. Raises RecordingFailed when it cannot be written.
     """
-    part = path.with_name(f".{path.name}.part")
     try:
-        with contextlib.closing(McapFile(path, disk, written_as=part, **header)) as file:
+        # It may replace the only copy there is.
+        with (
+            replaced(path, disk, syncs=True) as part,
+            contextlib.closing(McapFile(path, disk, written_as=part, **header)) as file,
+        ):
             yield file
-        try:
-            # It may replace the only copy there is.
-            _sync(part, disk)
-            disk.replace(part, path)
-        except OSError as exc:
-            raise _failure(path, exc) from exc
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            disk.unlink(part)
-
-
-def _sync(path: Path, disk: Disk) -> None:
-    """Bring a file to the medium."""
-    descriptor = open_regular(path)
-    try:
-        disk.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    except RecordingFailed:
+        raise
+    except OSError as exc:
+        raise _failure(path, exc) from exc
