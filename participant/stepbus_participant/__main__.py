@@ -110,7 +110,7 @@ def _problems_of(cls: type[Participant], welcome: Welcome) -> list[tuple[Keys, s
 
 def _at_its_key(problem: Problem, params: Mapping[str, Any]) -> tuple[Keys, str]:
     """Return a problem by its key in the scenario: that of the world, of what has a file."""
-    if problem.file:
+    if problem.place.file:
         return ("params", *(["world"] if "world" in params else [])), str(problem)
     return problem.keys[2:], problem.message
 

@@ -5,7 +5,7 @@ import errno
 import itertools
 import os
 import stat
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -100,11 +100,6 @@ def make_file(path: Path, mode: int = _FILE_MODE, disk: Disk = os) -> int:
     return disk.open(path, flags, mode)
 
 
-def write_at(disk: Disk, fd: int, data: bytes, offset: int) -> None:
-    """Write all of `data`; raises OSError."""
-    write_parts_at(disk, fd, [data], offset)
-
-
 def write_parts_at(disk: Disk, fd: int, parts: Iterable[bytes], offset: int) -> None:
     """Write all parts, one behind the other; raises OSError."""
     rest = [memoryview(part) for part in parts if part]
@@ -117,10 +112,35 @@ def write_parts_at(disk: Disk, fd: int, parts: Iterable[bytes], offset: int) -> 
             rest[0] = rest[0][count:]
 
 
-def write_file(path: Path, data: bytes, mode: int = _FILE_MODE, disk: Disk = os) -> None:
-    """Write a new file, in place of what had its name; raises OSError."""
-    fd = make_file(path, mode, disk)
+@contextlib.contextmanager
+def replaced(
+    path: Path, disk: Disk = os, mode: int = _FILE_MODE, *, syncs: bool = False
+) -> Iterator[Path]:
+    """Yield the path of an empty file beside `path`, which takes its place when it is written.
+
+    No reader sees half of it, and after an exception it is gone. syncs: whether it is on the medium
+    by then. Raises OSError.
+    """
+    part = path.with_name(f".{path.name}.part")
+    fd = make_file(part, mode, disk)
     try:
-        write_at(disk, fd, data, 0)
+        yield part
+        if syncs:
+            disk.fsync(fd)
+        disk.replace(part, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            disk.unlink(part)
+        raise
     finally:
         disk.close(fd)
+
+
+def write_file(path: Path, data: bytes, mode: int = _FILE_MODE, disk: Disk = os) -> None:
+    """Write a new file, in place of what had its name; raises OSError."""
+    with replaced(path, disk, mode) as part:
+        fd = disk.open(part, os.O_WRONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        try:
+            write_parts_at(disk, fd, [data], 0)
+        finally:
+            disk.close(fd)

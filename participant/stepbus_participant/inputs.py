@@ -140,9 +140,9 @@ def carries_token(data: bytes | msgspec.Raw, token: str) -> bool:
 class Source:
     """One participant to read from: its `Outputs` in the order of their steps.
 
-    queue: where the bus puts the content of its samples. early: one of them that was taken before
-    its step. entries: the rest of a `Batch`, which comes before all in the queue. step: the newest
-    step accepted; `-every`: none yet, as of `due_step`.
+    queue: where the bus puts the content of its samples. entries: messages that come before all in
+    the queue: the rest of a `Batch`, or one that was taken before its step. step: the newest step
+    accepted; `-every`: none yet, as of `due_step`.
     connected: whether a handshake has arrived. drops: cause → number of dropped messages, of all
     sources.
     """
@@ -157,8 +157,7 @@ class Source:
     ) -> None:
         self.name = name
         self.queue = make_queue()
-        self.early: bytes | None = None
-        self.entries: deque[msgspec.Raw] = deque()
+        self.entries: deque[bytes | msgspec.Raw] = deque()
         self.bulk_queues: dict[str, Queue] = {
             item.config.port: make_queue() for item in inputs if item.config.bulk
         }
@@ -176,6 +175,10 @@ class Source:
     def due(self, step: int) -> int:
         """Return the newest step of this source that any input needs at `step`."""
         return due_step(step, self._delay, self.every)
+
+    def is_awaited(self, step: int) -> bool:
+        """Return whether the queue has to bring the next message that `step` needs."""
+        return not self.entries and self.step < self.due(step)
 
     def accept(self, data: bytes | msgspec.Raw) -> Outputs | None:
         """Check one message against P8.1; return it when it is the next one.

@@ -21,7 +21,6 @@ from stepbus_schemas import (
     Types,
     WiringError,
     encode,
-    encoding_of,
     explained,
     viewing,
 )
@@ -112,15 +111,6 @@ def test_a_wrong_word_is_explained_wherever_it_stands(value: object, sentence: s
 def test_an_unknown_type_is_told_the_nearest_or_all(name: str, told: str) -> None:
     with pytest.raises(WiringError, match=told):
         SHIPPED[name]
-
-
-def test_the_encoding_names_the_type() -> None:
-    assert encoding_of("JointState/1") == "application/msgpack;stepbus.JointState/1"
-
-
-def test_a_message_cannot_be_changed() -> None:
-    with pytest.raises(AttributeError, match="immutable"):
-        JointState(position=[1.0]).position = [2.0]
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,12 @@
-"""Files that are whole, or not there: no reader sees half of one."""
+"""Files of tools that are whole, or not there: no reader sees half of one."""
 
-import contextlib
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_participant import irregular, make_file
+from stepbus_participant import irregular
+from stepbus_participant import replaced as part_of
 
 
 @contextmanager
@@ -17,18 +16,13 @@ def replaced(target: Path) -> Iterator[Path]:
     Raises RecordingFailed when it cannot be written, where it is gone then, and before that where
     `target` is there and no regular file: a device, a pipe, a folder or a link.
     """
-    part = target.with_name(f".{target.name}.part")
     if irregular(target):
         raise RecordingFailed(f"{target} is not a regular file; choose another name")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        os.close(make_file(part))
-        yield part
-        part.replace(target)
+        with part_of(target) as part:
+            yield part
     except RecordingFailed:
         raise
     except OSError as exc:
         raise RecordingFailed(f"{target} cannot be written: {exc.strerror or exc}") from exc
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink()

@@ -3,11 +3,12 @@
 What reads is imported when it is first used: a run only writes, and needs no NumPy.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from stepbus_orchestrator.recording.mcap_file import McapFile, whole_file
 from stepbus_orchestrator.recording.recorder import Recorder
 from stepbus_orchestrator.recording.sink import Descriptions, Sink
+from stepbus_participant import imported_later
 
 from .checkpoints import Checkpoints, CheckpointWriter, SavedState
 from .recover import Recovery, recover
@@ -39,9 +40,6 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from stepbus_orchestrator.recording import reader  # noqa: PLC0415  (NumPy takes longer to load than the rest)
+_LATER = ("BATCH_BYTES", "Batch", "Entry", "Port", "PortInfo", "Recording", "Tail", "raw_map")
 
-    return getattr(reader, name)
+__getattr__ = imported_later(__name__, dict.fromkeys(_LATER, "reader"))

@@ -6,36 +6,38 @@ is. Any other file is scanned from its beginning.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.opcode import Opcode
+from mcap.stream_reader import StreamReader
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.records import (
     CRC_BYTES,
     HEAD,
+    LOOSE,
     MAGIC,
+    PARSE_ERRORS,
     STEP_END,
     DamagedRecord,
     RecordFile,
-    records_of,
-    split,
+    bytes_of,
+    chunk_content,
+    messages,
+    parsed,
 )
 from stepbus_participant.parameters import is_name, parse_yaml
 from stepbus_schemas import StepbusError
 
-_FOOTER = struct.Struct("<QQI")  # start of the summary, of its offsets, CRC
-_CHUNK_INDEX = struct.Struct("<QQQQI")  # two times, offset and length of the chunk, map bytes
-_MESSAGE_INDEX = struct.Struct("<HQ")
-_TAIL_BYTES = HEAD.size + _FOOTER.size + len(MAGIC)
+_TAIL_BYTES = len(bytes_of(mcap.Footer(0, 0, 0))) + len(MAGIC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,54 +135,36 @@ class Index:
 
 def read_summary(file: RecordFile) -> Index | None:
     """Return the index of a recording of ours; None where no summary says all of it."""
+    index, end = Index(path=file.path), max(0, file.size - _TAIL_BYTES)
     try:
-        section, index = _section(file), Index(path=file.path)
-        if section is None:
+        footer = parsed(*file.record(end))
+        if not (isinstance(footer, mcap.Footer) and 0 < footer.summary_start <= end):
             return None
-        _add_at(file, len(MAGIC), index)
-        if not index.is_ours:
+        section = file.read(footer.summary_start, end - footer.summary_start)
+        checked = bytes_of(footer)[:-CRC_BYTES]
+        index.add(parsed(*file.record(len(MAGIC))))
+        if crc32(checked, crc32(section)) != footer.summary_crc or not index.is_ours:
             return None
-        for opcode, content in split(section):
-            if opcode == Opcode.CHUNK_INDEX:
-                index.blocks.append(_block(content, index.blocks))
-            for record in records_of(opcode, content):
-                if isinstance(record, mcap.AttachmentIndex | mcap.MetadataIndex):
-                    _add_at(file, record.offset, index)
-                else:
-                    index.add(record)
-    except (DamagedRecord, ValueError, struct.error):
+        summary = BytesIO(section + file.read(end, _TAIL_BYTES))
+        for record in StreamReader(summary, skip_magic=True).records:
+            if isinstance(record, mcap.ChunkIndex):
+                index.blocks.append(_block(record, index.blocks))
+            elif isinstance(record, mcap.AttachmentIndex | mcap.MetadataIndex):
+                index.add(parsed(*file.record(record.offset)))
+            else:
+                index.add(record)
+    except (DamagedRecord, *PARSE_ERRORS):
         return None
     index.ends_a_step = index.library == layout.LIBRARY
     return index
 
 
-def _section(file: RecordFile) -> bytes | None:
-    """Return the summary section; None without one that has a checksum, and the right one."""
-    footer = file.size - _TAIL_BYTES
-    tail = file.read(max(0, footer), _TAIL_BYTES)
-    if len(tail) < _TAIL_BYTES or not tail.endswith(MAGIC):
-        return None
-    opcode, length = HEAD.unpack_from(tail)
-    start, _, crc = _FOOTER.unpack_from(tail, HEAD.size)
-    if opcode != Opcode.FOOTER or length != _FOOTER.size or not 0 < start <= footer or not crc:
-        return None
-    section = file.read(start, footer - start)
-    return section if crc32(tail[: HEAD.size + 16], crc32(section)) == crc else None
-
-
-def _add_at(file: RecordFile, offset: int, index: Index) -> None:
-    for record in records_of(*file.record(offset), checked=index.is_ours):
-        index.add(record)
-
-
-def _block(content: bytes, before: Sequence[Block]) -> Block:
-    start_ns, _, offset, length, size = _CHUNK_INDEX.unpack_from(content)
-    entries = content[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size]
-    channels = frozenset(channel for channel, _ in _MESSAGE_INDEX.iter_unpack(entries))
+def _block(row: mcap.ChunkIndex, before: Sequence[Block]) -> Block:
+    channels = frozenset(row.message_index_offsets)
     # A long recording has many chunks and few sets of channels.
     if before and channels == before[-1].channels:
         channels = before[-1].channels
-    return Block(offset, length, channels, start_ns)
+    return Block(row.chunk_start_offset, row.chunk_length, channels, row.message_start_time)
 
 
 class Scanner:
@@ -228,16 +212,19 @@ class Scanner:
                 "the file ends before its end record: it was truncated between two records"
             )
         opcode, content = self.file.record(offset)
-        length = HEAD.size + len(content)
+        length, loose = HEAD.size + len(content), b""
+        if opcode == Opcode.CHUNK:
+            loose = chunk_content(content)
+        elif opcode in LOOSE:
+            loose = HEAD.pack(opcode, len(content)) + content
+        else:
+            index.add(parsed(opcode, content))
         channels, times = set(), []
         try:
-            for record in records_of(opcode, content, checked=index.is_ours):
-                if isinstance(record, mcap.Message):
-                    self._check(record, index.channels.get(record.channel_id))
-                    channels.add(record.channel_id)
-                    times.append(record.log_time)
-                else:
-                    index.add(record)
+            for channel, step, t_ns, _ in messages(loose, describe=index.add):
+                self._check(step, channel)
+                channels.add(channel)
+                times.append(t_ns)
         finally:
             # A chunk may be damaged inside: what precedes it is complete.
             if times:
@@ -254,20 +241,19 @@ class Scanner:
         self._take_checksum(opcode, content)
         return opcode
 
-    def _check(self, message: mcap.Message, channel: mcap.Channel | None) -> None:
-        """Raise DamagedRecord for a message that cannot stand here."""
+    def _check(self, step: int, number: int) -> None:
+        """Raise DamagedRecord for a message that cannot stand here. number: of its channel."""
+        channel = self.index.channels.get(number)
         if channel is None:
-            raise DamagedRecord(
-                f"a message is of channel {message.channel_id} that has no Channel record"
-            )
+            raise DamagedRecord(f"a message is of channel {number} that has no Channel record")
         if not self.index.is_ours:
             return
-        if message.sequence < self._done:
+        if step < self._done:
             raise DamagedRecord(
-                f"a message of step {message.sequence} follows later ones: the write "
-                "that should replace it was interrupted"
+                f"a message of step {step} follows later ones: the write that should replace it "
+                "was interrupted"
             )
-        self._done = message.sequence
+        self._done = step
         # Written last, it shows that nothing of its step is missing.
         self.index.ends_a_step = channel.topic == layout.CHAIN_TOPIC
 

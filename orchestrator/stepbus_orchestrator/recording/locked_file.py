@@ -8,7 +8,7 @@ from pathlib import Path
 from isal.isal_zlib import crc32
 
 from stepbus_orchestrator.recording.records import HEAD
-from stepbus_participant import Disk, make_file, write_at, write_parts_at
+from stepbus_participant import Disk, make_file, write_parts_at
 
 _END_BYTES = 256 * 1024
 """For the end of a file beside the index of its chunks: channels, schemas, statistics."""
@@ -86,7 +86,7 @@ class LockedFile:
         """Append bytes that the next `write` replaces; return whether there was room for them."""
         end = self.position + self._ahead
         try:
-            write_at(self._disk, self._file, data, end)
+            write_parts_at(self._disk, self._file, [data], end)
         except OSError:
             with contextlib.suppress(OSError):
                 self._disk.ftruncate(self._file, end)

@@ -9,17 +9,17 @@ from pathlib import Path
 from struct import Struct
 from typing import Any
 
+import zstandard
 from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, encode_chunk
 from stepbus_orchestrator.recording.locked_file import LockedFile
 from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END, bytes_of
 from stepbus_orchestrator.recording.summary import Summary
-from stepbus_participant import Disk, open_regular
+from stepbus_participant import Disk, replaced
 from stepbus_schemas import json_schema, reached
 
 _FAILURES = (OSError, MemoryError)
@@ -27,6 +27,26 @@ _FAILURES = (OSError, MemoryError)
 _MESSAGE = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 _FIELDS_BYTES = _MESSAGE.size - HEAD.size
 _STEP_END = HEAD.pack(STEP_END, 0)
+_BIG_BYTES = 64 * 1024
+"""A larger message is content of a bulk port: a picture, a point cloud."""
+_USUAL, _FAST = 3, -1
+"""Levels of compression; that of large messages gives up soon where nothing is to be gained."""
+_WORTH_IT = 0.9
+"""What is not compressed to so much of its size is stored as it is: readers are spared the work."""
+_INDEX = Struct("<BQHI")  # opcode, length, channel, length of the entries
+
+
+class _Chunk:
+    """The chunk that is being filled, of whole steps; that of mcap takes four calls a message.
+
+    records: what it holds, in order. indexes: channel → log time and offset of each of its
+    messages, one behind the other. is_big: whether it has a message of more than `_BIG_BYTES`.
+    """
+
+    def __init__(self) -> None:
+        self.records = bytearray()
+        self.indexes: dict[int, list[int]] = {}
+        self.is_big = False
 
 
 class McapFile:
@@ -57,7 +77,7 @@ class McapFile:
         self._crc = 0
         self._summary = Summary()
         self._schemas: dict[str, int] = {}
-        self._chunk = Chunk()
+        self._chunk = _Chunk()
         self._step = (0, 0)  # time and sequence of the newest message
         self._unfinished = (0, 0)  # where the chunk will stand, and how much of it does
         self._refusal: RecordingFailed | None = None
@@ -154,7 +174,7 @@ class McapFile:
                 head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, t_ns, t_ns)
                 chunk.records += head
                 chunk.records += data
-                chunk.is_big = chunk.is_big or size > BIG_BYTES
+                chunk.is_big = chunk.is_big or size > _BIG_BYTES
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
 
@@ -195,7 +215,7 @@ class McapFile:
         self._file.release()
         try:
             if failure is not None:
-                self._chunk, incomplete = Chunk(), None
+                self._chunk, incomplete = _Chunk(), None
             self._finish(incomplete)
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
@@ -238,10 +258,10 @@ class McapFile:
         chunk = self._chunk
         if chunk.indexes:
             self._file.keep_room(self._summary.chunk_index_bytes)
-            data, row = encode_chunk(chunk, self._file.position)
-            self._chunk = Chunk()
+            data, row = _encode_chunk(chunk, self._file.position)
+            self._chunk = _Chunk()
             self._write(data)
-            self._summary.add_chunk(chunk, row)
+            self._summary.add_chunk(chunk.indexes, row)
 
     # --- failures -------------------------------------------------------------------------
 
@@ -259,6 +279,48 @@ class McapFile:
         reached("a recording cannot be written")
         self._refusal = self._refusal or _failure(self.path, exc)
         return self._refusal
+
+
+def _encode_chunk(chunk: _Chunk, start: int) -> tuple[bytes, mcap.ChunkIndex]:
+    """Return the bytes of a chunk with its message indexes, and its record of the summary.
+
+    start: where it begins in the file [bytes]. Raises MemoryError.
+    """
+    content = bytes(chunk.records)
+    packed, compression = _compressed(content, _FAST if chunk.is_big else _USUAL), "zstd"
+    if chunk.is_big and len(packed) > _WORTH_IT * len(content):
+        packed, compression = content, ""
+    times = [t_ns for entries in chunk.indexes.values() for t_ns in entries[::2]]
+    earliest, latest = min(times), max(times)
+    record = bytes_of(
+        mcap.Chunk(compression, packed, latest, earliest, crc32(content), len(content))
+    )
+    indexes, offsets = bytearray(), {}
+    for channel, entries in chunk.indexes.items():
+        offsets[channel] = start + len(record) + len(indexes)
+        numbers = Struct(f"<{len(entries)}Q").pack(*entries)
+        indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers))
+        indexes += numbers
+    row = mcap.ChunkIndex(
+        chunk_length=len(record),
+        chunk_start_offset=start,
+        compression=compression,
+        compressed_size=len(packed),
+        message_end_time=latest,
+        message_index_length=len(indexes),
+        message_index_offsets=offsets,
+        message_start_time=earliest,
+        uncompressed_size=len(content),
+    )
+    return record + indexes, row
+
+
+def _compressed(content: bytes, level: int) -> bytes:
+    try:
+        return zstandard.ZstdCompressor(level).compress(content)
+    except zstandard.ZstdError as exc:
+        # Whatever the content, it lacks nothing but memory.
+        raise MemoryError(str(exc)) from exc
 
 
 def _failure(path: Path, exc: OSError | MemoryError) -> RecordingFailed:
@@ -284,25 +346,14 @@ def whole_file(path: Path, disk: Disk = os, **header: str) -> Iterator[McapFile]
 
     header: as of `McapFile`. Raises RecordingFailed when it cannot be written.
     """
-    part = path.with_name(f".{path.name}.part")
     try:
-        with contextlib.closing(McapFile(path, disk, written_as=part, **header)) as file:
+        # It may replace the only copy there is.
+        with (
+            replaced(path, disk, syncs=True) as part,
+            contextlib.closing(McapFile(path, disk, written_as=part, **header)) as file,
+        ):
             yield file
-        try:
-            # It may replace the only copy there is.
-            _sync(part, disk)
-            disk.replace(part, path)
-        except OSError as exc:
-            raise _failure(path, exc) from exc
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            disk.unlink(part)
-
-
-def _sync(path: Path, disk: Disk) -> None:
-    """Bring a file to the medium."""
-    descriptor = open_regular(path)
-    try:
-        disk.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    except RecordingFailed:
+        raise
+    except OSError as exc:
+        raise _failure(path, exc) from exc

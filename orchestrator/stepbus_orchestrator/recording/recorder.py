@@ -160,20 +160,29 @@ class Recorder(Sink):
         try:
             # A chain may be due at a step at which no participant publishes.
             for step in range(min([self._next, *steps]), last + 1):
-                self._write(step, None, is_last=step == last)
+                self.write_step(step, is_last=step == last)
         finally:
             missing = {name: str(step) for name, step in self._missing.items()}
             has_begun = self._chain_channel is not None
             self._file.close(missing if has_begun else None)
 
-    def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
-        """Write the outputs of a step, and the chain behind them where it is due."""
-        self._write(step, closing, is_last=closing is not None)
+    def write_step(
+        self, step: int, closing: Collection[str] | None = None, *, is_last: bool = False
+    ) -> None:
+        """Write the outputs of a step up to the first broken one, and the chain where it is due.
 
-    def _write(self, step: int, closing: Collection[str] | None, *, is_last: bool) -> None:
+        is_last: whether it is due in any case, as at the closing step.
+        """
+        self._last_chain = b""
+        messages: list[tuple[int, bytes]] = []
         try:
-            self._write_outputs(step, closing)
-            if self._chain_channel is not None and (is_last or layout.has_chain(step)):
+            try:
+                for published in self.revised(step, closing):
+                    self._collect(published, messages)
+            finally:
+                self._add(messages, step * self._step_ns, step)
+            is_due = is_last or closing is not None or layout.has_chain(step)
+            if is_due and self._chain_channel is not None:
                 hashes = {name: chain.value.hex() for name, chain in self._chains.items()}
                 self._last_chain = encode(Chain(step=step, hashes=hashes))
                 self._add([(self._chain_channel, self._last_chain)], step * self._step_ns, step)
@@ -181,26 +190,11 @@ class Recorder(Sink):
             # Outputs that were taken from the queue may be lost: nothing may follow them.
             raise self._file.refuse(exc) from exc
 
-    def _write_outputs(self, step: int, closing: Collection[str] | None) -> None:
-        """Write the outputs of one step, up to the first broken one; the chains have the same."""
-        self._last_chain = b""
-        messages: list[tuple[int, bytes]] = []
-        try:
-            for published in self.revised(step, closing):
-                try:
-                    self._collect(published, messages)
-                except ParticipantFault:
-                    # A second broken message must not hide the first, which ended the run.
-                    if not self._is_aborting:
-                        raise
-        finally:
-            self._add(messages, step * self._step_ns, step)
-
     def _collect(self, published: Published, messages: list[tuple[int, bytes]]) -> None:
         """Check what one participant has published, and append it as (channel, content)."""
-        name, content = published.participant, published.content
+        name, step, content = published.participant, published.step, published.content
         ports, silent = self._ports[name], self._silent
-        number = 0
+        fault, cause, number = published.fault, None, 0
         try:
             for port, data in content:
                 channel, decode, on_event = ports[port]
@@ -210,22 +204,19 @@ class Recorder(Sink):
                 if silent:
                     silent.discard((name, port))
                 if on_event is not None:
-                    on_event(name, port, published.step, message)
+                    on_event(name, port, step, message)
         except UNDECODABLE as exc:
             self.broke(name)
-            raise self._undecodable(name, content[number][0], published.step, exc) from exc
+            port, cause = content[number][0], exc
+            error = Decoder(self._types[self._specs[name].outputs[port].type]).error(exc)
+            t_s = step * self._step_ns * 1e-9
+            text = f"step {step} (t = {t_s:.3f} s): {name}.{port} is {error}"
+            fault = ParticipantFault(text, participant=name, step=step)
         finally:
             valid = content if number == len(content) else content[:number]
-            self._chains[name].extend(published.step, valid)
-        if published.fault is not None:
-            raise published.fault
-        self._missing[name] = published.step + self._specs[name].every
-
-    def _undecodable(self, name: str, port: str, step: int, exc: Exception) -> ParticipantFault:
-        error = Decoder(self._types[self._specs[name].outputs[port].type]).error(exc)
-        t_s = step * self._step_ns * 1e-9
-        return ParticipantFault(
-            f"step {step} (t = {t_s:.3f} s): {name}.{port} is {error}",
-            participant=name,
-            step=step,
-        )
+            self._chains[name].extend(step, valid)
+        if fault is None:
+            self._missing[name] = step + self._specs[name].every
+        elif not self._is_aborting:
+            # A second broken message must not hide the first, which ended the run.
+            raise fault from cause

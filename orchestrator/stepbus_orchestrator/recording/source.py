@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from bisect import bisect_right
 from collections.abc import Iterator
 from operator import attrgetter
@@ -16,23 +15,15 @@ from stepbus_orchestrator.recording.index import Block, Index, Scanner, read_sum
 from stepbus_orchestrator.recording.locked_file import is_locked
 from stepbus_orchestrator.recording.records import (
     HEAD,
-    MESSAGE_HEAD,
-    STEP_END,
+    LATEST_NS,
     DamagedRecord,
     RecordFile,
+    Row,
     chunk_content,
-    split,
+    messages,
 )
 
 _CACHE_BYTES = 8 * 1024 * 1024
-LATEST_NS = 2**63 - 1
-_RECORD = struct.Struct(HEAD.format + MESSAGE_HEAD.format[1:])
-"""Of a message: opcode, length, channel, sequence, log time, publish time."""
-
-_DESCRIBING = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, STEP_END))
-
-Row = tuple[int, int, int, bytes]
-"""One message: its channel, step, simulation time [ns] and bytes."""
 
 
 class Entry(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -156,7 +147,7 @@ class Source:
         self._cache[block.offset] = data
         while self._cached_bytes > _CACHE_BYTES:
             self._cached_bytes -= len(self._cache.pop(next(iter(self._cache))))
-        rows, end = _messages(data, channels), self.cut_step
+        rows, end = messages(data, channels), self.cut_step
         return rows if end is None else (row for row in rows if row[1] < end)
 
     def _read(self, block: Block) -> bytes:
@@ -170,23 +161,5 @@ class Source:
                 f"the record at byte {block.offset} does not have the length given in the index"
             )
         if opcode == Opcode.CHUNK:
-            return chunk_content(content, checked=self.index.is_ours)
+            return chunk_content(content)
         return HEAD.pack(opcode, len(content)) + content
-
-
-def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Row]:
-    """Yield the messages of some channels in a block; raises DamagedRecord."""
-    unpack, message, fixed = _RECORD.unpack_from, int(Opcode.MESSAGE), _RECORD.size
-    offset, size = 0, len(data)
-    while offset < size:
-        if size - offset < fixed or data[offset] != message:
-            _, content = next(split(data[offset:], _DESCRIBING))
-            offset += HEAD.size + len(content)
-            continue
-        _, length, channel, step, t_ns, _ = unpack(data, offset)
-        end = offset + HEAD.size + length
-        if length < MESSAGE_HEAD.size or end > size or t_ns > LATEST_NS:
-            raise DamagedRecord(f"inside a chunk: a message of {length} bytes at {t_ns} ns")
-        if channel in channels:
-            yield channel, step, t_ns, data[offset + fixed : end]
-        offset = end

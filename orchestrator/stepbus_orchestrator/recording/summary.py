@@ -2,12 +2,12 @@
 
 import dataclasses
 from collections import Counter
+from collections.abc import Mapping, Sequence
 
 from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
-from stepbus_orchestrator.recording.chunk import Chunk
 from stepbus_orchestrator.recording.records import CRC_BYTES, bytes_of
 
 _GROUPS = (
@@ -64,13 +64,13 @@ class Summary:
         self._records[opcode] += data
         self._counts[opcode] += 1
 
-    def add_chunk(self, chunk: Chunk, row: mcap.ChunkIndex) -> None:
-        """Add a chunk that is in the file, with its record."""
+    def add_chunk(self, indexes: Mapping[int, Sequence[int]], row: mcap.ChunkIndex) -> None:
+        """Add a chunk that is in the file. indexes: channel → log times and offsets in turn."""
         start_ns = row.message_start_time
         is_first = not self._counts[Opcode.CHUNK_INDEX]
         self._earliest = start_ns if is_first else min(self._earliest, start_ns)
         self._latest = max(self._latest, row.message_end_time)
-        for channel, entries in chunk.indexes.items():
+        for channel, entries in indexes.items():
             self._message_counts[channel] += len(entries) // 2
         self._add(Opcode.CHUNK_INDEX, bytes_of(row))
 

@@ -1,6 +1,5 @@
 """The result of a run, result.json: how it ended, with which files and versions, and where."""
 
-import contextlib
 import functools
 import hashlib
 import os
@@ -131,15 +130,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     def save(self, disk: Disk = os) -> None:
         """Write result.json atomically. Raises OSError when it cannot be written."""
         data = msgspec.json.format(msgspec.json.encode(self), indent=2)
-        target = Path(self.folder) / RESULT_FILE
-        part = target.with_name(f".{RESULT_FILE}.part")
-        try:
-            write_file(part, data + b"\n", disk=disk)
-            disk.replace(part, target)
-        except OSError:
-            with contextlib.suppress(OSError):
-                disk.unlink(part)
-            raise
+        write_file(Path(self.folder) / RESULT_FILE, data + b"\n", disk=disk)
 
 
 def result_beside(recording: "Recording") -> Result | None:

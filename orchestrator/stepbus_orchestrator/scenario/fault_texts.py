@@ -35,8 +35,7 @@ def add_faults(document: YamlFile, faults: Sequence[str]) -> YamlFile:
         return document
     first = len(own or [])
     places: dict[Keys, Place] = {
-        ("faults", first + i): Place(file=f"--fault {text}", line=0)
-        for i, text in enumerate(faults)
+        ("faults", first + i): Place(file=f"--fault {text}") for i, text in enumerate(faults)
     }
     data = {**document.data, "faults": [*(own or []), *faults]}
     return dataclasses.replace(document, data=data, places={**document.places, **places})

@@ -45,11 +45,11 @@ def override(
             named[-1] = _text(setting, given, value)
             data = _replaced(data, (), keys, value)
             places = {at: place for at, place in places.items() if at[: len(keys)] != keys}
-            places[keys] = Place(file=file, line=0)
+            places[keys] = Place(file=file)
         except SettingsError as exc:
             problems += exc.problems
         except WiringError as exc:
-            problems.append(Problem(file=file, line=0, message=str(exc)))
+            problems.append(Problem(place=Place(file=file), message=str(exc)))
     return replace(document, data=data, places=places, own_problems=tuple(problems)), tuple(named)
 
 

@@ -52,15 +52,11 @@ class Sample(NamedTuple):
     encoding: str
 
 
-class Request(Protocol):
-    """A query that waits for its reply."""
+class Request(NamedTuple):
+    """A query that waits for its reply; reply: takes its bytes and their encoding, once."""
 
-    @property
-    def payload(self) -> bytes:
-        """Return the content of the query."""
-
-    def reply(self, data: bytes, encoding: str) -> None:
-        """Reply to it, once."""
+    payload: bytes
+    reply: Callable[[bytes, str], None]
 
 
 class Bus(Protocol):

@@ -12,16 +12,6 @@ from typing import Any, Literal
 
 from . import BusError, Clock, Queue, Request, Sample, every_on_a_thread
 
-
-@dataclass(frozen=True)
-class _LoopbackRequest:
-    payload: bytes
-    replies: Queue
-
-    def reply(self, data: bytes, encoding: str) -> None:
-        self.replies.put(data)
-
-
 _Role = Literal["subscriber", "receiver", "answerer", "watcher", "alive"]
 
 
@@ -103,7 +93,9 @@ class LoopbackBus:
         """Yield the replies to a query as they arrive, until the time-out."""
         replies = self.queue()
         deadline = self.clock.monotonic() + timeout_s
-        for _ in range(self._call("answerer", key, _LoopbackRequest(data, replies))):
+        for _ in range(
+            self._call("answerer", key, Request(data, lambda reply, _encoding: replies.put(reply)))
+        ):
             try:
                 yield replies.get(timeout=max(0.0, deadline - self.clock.monotonic()))
             except Empty:

@@ -11,7 +11,7 @@ import contextlib
 import mmap
 import os
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -187,10 +187,14 @@ class Slots:
         """Return the outputs whose slots this participant can use, `<participant>.<port>`."""
         return list(self._files)
 
-    def writer(self, port: str, count: int) -> SlotWriter:
-        """Return what writes a bulk output of its own into so many slots."""
-        name = file_name(self._name, port)
-        return SlotWriter(self._files[name].fd, count, self._folder / name)
+    def writers(self, counts: Mapping[str, int]) -> dict[str, SlotWriter]:
+        """Return port → writer of each bulk output of its own; counts: as of `Start.slots`."""
+        own = file_name(self._name, "")
+        return {
+            name.removeprefix(own): SlotWriter(self._files[name].fd, count, self._folder / name)
+            for name, count in counts.items()
+            if name.startswith(own)
+        }
 
     def content(
         self, source: str, port: str, *, offset: int, step: int, length: int

@@ -9,6 +9,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -119,19 +120,9 @@ def _opened(zenoh: Any, config: Any) -> Any:
     return session
 
 
-class _ZenohRequest:
-    """A Zenoh query that waits for its reply."""
-
-    def __init__(self, query: Any) -> None:
-        self._query = query
-
-    @property
-    def payload(self) -> bytes:
-        return b"" if self._query.payload is None else bytes(self._query.payload.to_bytes())
-
-    def reply(self, data: bytes, encoding: str) -> None:
-        with self._query as query:
-            query.reply(query.key_expr, data, encoding=encoding)
+def _reply(query: Any, data: bytes, encoding: str) -> None:
+    with query:
+        query.reply(query.key_expr, data, encoding=encoding)
 
 
 class ZenohBus:
@@ -248,7 +239,12 @@ class ZenohBus:
 
     def answer(self, key: str, sink: Callable[[Request], None]) -> None:
         """Call `sink` with each query on a key."""
-        handler = self._direct(lambda query: sink(_ZenohRequest(query)))
+
+        def on_query(query: Any) -> None:
+            payload = b"" if query.payload is None else bytes(query.payload.to_bytes())
+            sink(Request(payload, partial(_reply, query)))
+
+        handler = self._direct(on_query)
         self._held.append(
             self._session.declare_queryable(self._prefix + key, handler, complete=True)
         )

@@ -20,15 +20,17 @@ class Place:
     """A line of a file, counted from 1; 0 stands for the entire file."""
 
     file: str
-    line: int
+    line: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}" if self.line else self.file
 
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One mistake: its file and line, the keys that lead to it, and the message."""
+    """One mistake: its place, the keys that lead to it, and the message."""
 
-    file: str
-    line: int
+    place: Place
     message: str
     keys: Keys = ()
 
@@ -39,8 +41,7 @@ class Problem:
         return text.removeprefix(".")
 
     def __str__(self) -> str:
-        place = f"{self.file}:{self.line}" if self.line else self.file
-        return ": ".join(part for part in (place, self.path, self.message) if part)
+        return ": ".join(part for part in (str(self.place), self.path, self.message) if part)
 
 
 class SettingsError(WiringError):
@@ -48,7 +49,7 @@ class SettingsError(WiringError):
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         different = dict.fromkeys(problems)
-        self.problems = tuple(sorted(different, key=lambda problem: (problem.file, problem.line)))
+        self.problems = tuple(sorted(different, key=lambda p: (p.place.file, p.place.line)))
         super().__init__(self.problems)
 
     def __str__(self) -> str:
@@ -70,7 +71,7 @@ class Problems:
         *,
         above: Keys = (),
     ) -> None:
-        self._file_place = Place(file=file, line=0)
+        self._file_place = Place(file=file)
         self._places = places or {}
         self.above = above
         self._problems: list[Problem] = []
@@ -90,7 +91,7 @@ class Problems:
         keys = (*self.above, *keys)
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
         place = self._places.get(next(known, ()), self._file_place)
-        self._extend([Problem(file=place.file, line=place.line, message=message, keys=keys)])
+        self._extend([Problem(place=place, message=message, keys=keys)])
 
     def add_error(self, keys: Keys, error: WiringError) -> None:
         """Add every line of an error at `keys`; the problems of a SettingsError as they are."""

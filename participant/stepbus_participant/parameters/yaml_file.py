@@ -80,14 +80,14 @@ def parse_yaml(file: str, text: str) -> Any:
     except SettingsError as exc:
         # The command line has no lines.
         raise SettingsError(
-            dataclasses.replace(problem, line=0) for problem in exc.problems
+            dataclasses.replace(problem, place=Place(file=file)) for problem in exc.problems
         ) from exc
     return value
 
 
 def fatal(file: str, message: str, line: int = 0) -> SettingsError:
     """Return the error of a file that cannot be read any further."""
-    return SettingsError([Problem(file=file, line=line, message=message)])
+    return SettingsError([Problem(place=Place(file=file, line=line), message=message)])
 
 
 class _Conversion:
@@ -142,7 +142,7 @@ class _Conversion:
         return content
 
     def _item(self, node: Node, keys: Keys, at: Node) -> Any:
-        self.places[keys] = Place(file=self.file, line=at.start_mark.line + 1)
+        self.places[keys] = self._place(at)
         return self._value(node, keys)
 
     def _scalar(self, node: ScalarNode, tag: str, keys: Keys) -> Any:
@@ -162,5 +162,7 @@ class _Conversion:
         return value
 
     def _refuse(self, node: Node, keys: Keys, message: str) -> None:
-        line = node.start_mark.line + 1
-        self.problems.append(Problem(file=self.file, line=line, message=message, keys=keys))
+        self.problems.append(Problem(place=self._place(node), message=message, keys=keys))
+
+    def _place(self, node: Node) -> Place:
+        return Place(file=self.file, line=node.start_mark.line + 1)

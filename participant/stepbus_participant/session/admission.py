@@ -14,13 +14,13 @@ from stepbus_schemas import (
     SHIPPED,
     SPOKEN,
     Decoder,
-    Description,
     Hello,
     MessageError,
     Protocols,
     Ready,
     Refusal,
     RunError,
+    Start,
     Types,
     Waiting,
     Welcome,
@@ -153,11 +153,11 @@ def _read_answer(answer: bytes, ticket: Ticket, spoken: Protocols) -> Welcome:
 
 def await_start(
     bus: Bus, ready: Ready, sources: list[Source], outbox: Outbox, control: Control
-) -> Mapping[str, Description]:
+) -> Start:
     """Exchange handshakes with consumers and sources, report ready, and wait for the start (P4.6).
 
     Everything is repeated until it takes effect, so no message of this phase can be lost for good.
-    Returns the descriptions of the inputs. Raises Stopped when the run ends before it starts.
+    Raises Stopped when the run ends before it starts.
     """
     put_ready = bus.publisher(f"ready/{ready.name}", encoding_of("Ready/1"))
     while control.started is None:
@@ -171,7 +171,7 @@ def await_start(
             outbox.flush()
             put_ready(encode(ready))
         control.wait(_REPEAT_S)
-    return control.started.get(ready.name, {})
+    return control.started
 
 
 def _accept_handshakes(sources: list[Source]) -> None:

@@ -16,7 +16,6 @@ from stepbus_schemas import (
     Call,
     Called,
     Decoder,
-    Description,
     MessageError,
     RunError,
     Start,
@@ -75,10 +74,8 @@ class Control:
 
     orders: as of `watched_orders`. wake: queues of a participant that waits for an input. drops:
     cause → number of dropped messages, of those that are malformed or without the run's token
-    (P8.4). step_limit: the first step not yet released. started: participant → input → description,
-    once the run has started. batches: participant → how many steps it may publish at once. slots:
-    bulk outputs of its own that go through slots, with their number. calls: those to answer while
-    waiting for the trigger. methods: that can be called, by name.
+    (P8.4). step_limit: the first step not yet released. started: once the run has started. calls:
+    those to answer while waiting for the trigger. methods: that can be called, by name.
 
     A stop can overtake the last inputs, which arrive over other links. So it takes effect when
     `enter` reaches its step: what is published before that step belongs to the run (P11.2).
@@ -93,9 +90,7 @@ class Control:
         drops: dict[str, int],
     ) -> None:
         self.step_limit = 0
-        self.started: Mapping[str, Mapping[str, Description]] | None = None
-        self.batches: Mapping[str, int] = {}
-        self.slots: Mapping[str, int] = {}
+        self.started: Start | None = None
         self.methods: Mapping[str, Method] = {}
         self._welcome = welcome
         self._token = welcome.token
@@ -170,13 +165,7 @@ class Control:
             case Call():
                 self.calls.append(message)
             case Start():
-                self.started, self.batches = message.inputs, message.batches
-                own = f"{self._welcome.name}."
-                self.slots = {
-                    name.removeprefix(own): count
-                    for name, count in message.slots.items()
-                    if name.startswith(own)
-                }
+                self.started = message
 
     def answer_calls(self) -> None:
         """Answer each call once; a repeated call gets the same answer (P15.3).

@@ -153,19 +153,20 @@ class Outbox:
 
         self._put = self._put_batch = FaultyPublisher(self._put, faults, self._bus.clock)
 
-    def describe(self, names: Mapping[str, Sequence[str]]) -> None:
-        """Know the names of the ports' descriptions, and so the lengths of the user's own types."""
+    def start(
+        self, names: Mapping[str, Sequence[str]], slots: Mapping[str, SlotWriter], most_held: int
+    ) -> None:
+        """Take what the start of the run says.
+
+        names: port → the names of its description. slots: write the content of these bulk ports
+        (P17). most_held: how many steps may go out in one message, since no participant waits for
+        them (P7.6).
+        """
         for port, own in self._own.items():
             own.names = names.get(port, ())
-
-    def write_slots(self, slots: Mapping[str, SlotWriter]) -> None:
-        """Write the content of these bulk ports into slots (P17)."""
         self._slots = slots
-
-    def hold_up_to(self, number: int) -> None:
-        """Publish so many steps in one message, since no participant waits for them (P7.6)."""
-        if number > 1:
-            self._most_held = number
+        if most_held > 1:
+            self._most_held = most_held
             self._put_batch = self._bus.publisher(f"out/{self._name}", encoding_of("Batch/1"))
 
     def publish(

@@ -116,11 +116,12 @@ class Session:
 
     def _run(self, participant: Participant) -> None:
         ready = self._ready(participant)
-        descriptions = await_start(self._bus, ready, self._sources, self._outbox, self._control)
-        self._outbox.describe(names_of(ready.outputs, descriptions))
-        self._outbox.hold_up_to(self._control.batches.get(self._welcome.name, 1))
-        self._outbox.write_slots(
-            {port: self._slots.writer(port, count) for port, count in self._control.slots.items()}
+        start = await_start(self._bus, ready, self._sources, self._outbox, self._control)
+        descriptions = start.inputs.get(ready.name, {})
+        self._outbox.start(
+            names_of(ready.outputs, descriptions),
+            self._slots.writers(start.slots),
+            most_held=start.batches.get(ready.name, 1),
         )
         participant.start(descriptions)
         self._control.methods = participant.calls()

@@ -6,8 +6,6 @@ from pathlib import Path
 from queue import Empty
 from typing import Any
 
-import msgspec
-
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.slots import SlotError, Slots
 from stepbus_participant.bus.ticket import Ticket
@@ -66,6 +64,7 @@ class StepLoop:
         self._checkpoints = checkpoints if ticket.checkpoint.every else None
         self._waited_ns = 0
         self._awaited: Source | None = None
+        """The source that came last at the step before."""
         self.step = Step(inputs, welcome.step_ns)
         self.step.index = checkpoints.restore()
 
@@ -106,8 +105,11 @@ class StepLoop:
             # No input of this step may reach these outputs (P5.3).
             self._publish(self._output(step))
             self._outbox.flush_full()
-        if self._awaited is not None:
-            self._await_last(self._awaited, step.index)
+        last = self._awaited
+        if last is not None and last.is_awaited(step.index):
+            # The others are there by then: several sources wake this thread once. They are read in
+            # their order all the same, so that of several faults always the same one is raised.
+            last.entries.append(self._next(last, last.queue))
         for source in self._sources:
             due = source.due(step.index)
             while source.step < due:
@@ -167,36 +169,22 @@ class StepLoop:
         until_s = self._bus.clock.monotonic() + FLUSH_AFTER_S
         left_s = FLUSH_AFTER_S
         for source in self._sources:
-            is_there = source.entries or source.early is not None
-            if not is_there and source.step < source.due(step):
+            if source.is_awaited(step):
                 try:
-                    source.early = source.queue.get(timeout=left_s)
+                    data = source.queue.get(timeout=left_s)
                 except Empty:
                     return 0.0
                 left_s = max(0.0, until_s - self._bus.clock.monotonic())
-                if source.early is None:
+                if data is None:
                     # The orchestrator has sent something urgent.
                     break
+                source.entries.append(data)
         return left_s
-
-    def _await_last(self, source: Source, step: int) -> None:
-        """Wait first for the source that came last at the step before.
-
-        The others are there by then, so that several sources wake this thread once. They are read
-        in their order all the same, so that of several faults always the same one is raised.
-        """
-        is_there = source.entries or source.early is not None
-        if not is_there and source.step < source.due(step):
-            source.early = self._next(source, source.queue)
 
     def _receive(self, source: Source) -> None:
         """Accept the next message of a source, however long it takes to arrive (P6.2)."""
-        data: bytes | msgspec.Raw | None
-        if source.entries:
-            data = source.entries.popleft()
-        else:
-            data, source.early = source.early, None
-        outputs = source.accept(self._next(source, source.queue) if data is None else data)
+        entries = source.entries
+        outputs = source.accept(entries.popleft() if entries else self._next(source, source.queue))
         if outputs is not None and outputs.bulk:
             for port, size in outputs.bulk.items():
                 if port not in source.bulk_queues:

@@ -16,19 +16,11 @@ def chain_of(*steps):
     return chain.value
 
 
-def test_it_starts_with_32_zero_bytes():
-    assert chain_of() == bytes(32)
-
-
-def test_it_takes_in_the_step_and_each_port_with_its_bytes():
+def test_each_value_takes_in_the_one_before_the_step_and_each_port_with_its_bytes():
+    first = sha256(bytes(32) + b"\0" * 8 + b"a" + b"x").digest()
     step = b"\x02\x01\0\0\0\0\0\0"
-    expected = sha256(bytes(32) + step + b"a" + b"one" + "ü".encode() + b"two").digest()
-    assert chain_of((258, [("a", b"one"), ("ü", b"two")])) == expected
-
-
-def test_each_value_builds_on_the_one_before():
-    first = chain_of((0, [("a", b"x")]))
-    assert chain_of((0, [("a", b"x")]), (1, [])) == sha256(first + b"\1" + bytes(7)).digest()
+    expected = sha256(first + step + b"a" + b"one" + "ü".encode() + b"two").digest()
+    assert chain_of((0, [("a", b"x")]), (258, [("a", b"one"), ("ü", b"two")])) == expected
 
 
 def test_a_recording_holds_the_chain_of_its_own_messages(two_link_recording):

@@ -25,11 +25,6 @@ def test_a_whole_recording_has_no_hole(two_link_recording, tmp_path):
     assert recover(two_link_recording, tmp_path / "fixed.mcap").holes == []
 
 
-def test_missing_steps_are_found(holed, tmp_path):
-    assert Recording(holed).holes() == [CHAINS]
-    assert recover(holed, tmp_path / "fixed.mcap").holes == [CHAINS]
-
-
 @pytest.mark.parametrize("step", [0, 1, 30, 59])
 def test_one_message_that_is_missing_is_found(two_link_recording, tmp_path, step):
     only = lacks(["controller/command"], [step])

@@ -8,7 +8,7 @@ import zstandard
 
 import stepbus
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import McapFile, Recording, chunk, recover
+from stepbus_orchestrator.recording import McapFile, Recording, mcap_file, recover
 
 USUAL = zstandard.ZstdCompressor
 
@@ -41,7 +41,7 @@ def test_a_chunk_without_memory_to_compress_it_ends_the_recording(
     tmp_path, monkeypatch, size, refuses
 ):
     made = Compressor(refuses)
-    monkeypatch.setattr(chunk.zstandard, "ZstdCompressor", made)
+    monkeypatch.setattr(mcap_file.zstandard, "ZstdCompressor", made)
     file = McapFile(tmp_path / "run.mcap")
     channel = file.add_channel("plant/a", "Event/1", {})
     with pytest.raises(RecordingFailed, match="no memory left"):
@@ -57,7 +57,7 @@ def test_a_chunk_without_memory_to_compress_it_ends_the_recording(
 
 def test_a_run_without_memory_has_a_result(tmp_path, monkeypatch):
     made = Compressor(refuses=2)
-    monkeypatch.setattr(chunk.zstandard, "ZstdCompressor", made)
+    monkeypatch.setattr(mcap_file.zstandard, "ZstdCompressor", made)
     result = stepbus.run("two_link", set={"duration": "3s"}, in_process=True, out=tmp_path / "out")
     assert (result.exit_code, "no memory left" in result.reason) == (8, True)
     assert json.loads((tmp_path / "out" / "result.json").read_text())["exit_code"] == 8

@@ -40,12 +40,6 @@ def kept_or_refused(folder, data):
         return []
 
 
-def test_an_undamaged_recording_comes_back_byte_for_byte(two_link_recording, tmp_path):
-    recovery = recover(two_link_recording, tmp_path / "fixed.mcap")
-    assert recovery.damage == ""
-    assert recovery.target.read_bytes() == two_link_recording.read_bytes()
-
-
 @pytest.mark.slow
 def test_a_cut_at_and_beside_every_record_loses_no_whole_record(chunked, tmp_path):
     data, original = chunked.read_bytes(), messages(chunked)

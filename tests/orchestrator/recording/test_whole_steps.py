@@ -68,15 +68,6 @@ def test_a_cut_anywhere_leaves_whole_steps(ended, tmp_path, is_closed, share):
         assert (fixed.damage, fixed.last_step) == ("", recovery.last_step)
 
 
-def test_one_that_was_killed_has_all_that_it_flushed(ended, tmp_path):
-    path = tmp_path / "killed.mcap"
-    path.write_bytes(ended[0])
-    flushed = (STEPS - 1) // 5 * 5
-    assert Recording(path).last_step == flushed
-    recovery = recover(path, tmp_path / "fixed.mcap")
-    assert (recovery.cut_step, recovery.last_step) == (None, flushed)
-
-
 @pytest.mark.parametrize("library", ["stepbus", "stepbus 2"])
 def test_older_recordings_may_end_within_a_step_though_they_have_an_index(ended, tmp_path, library):
     path = tmp_path / "whole.mcap"

@@ -52,7 +52,7 @@ def outbox(bus, most, *, batch=100):
         bus,
         {},
     )  # fmt: skip
-    made.hold_up_to(most)
+    made.start({}, {}, most)
     return made
 
 

@@ -9,6 +9,7 @@ import msgspec
 from msgspec import structs
 
 from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.processes.slots import slot_counts
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import RecordedOutputs, recorded_descriptions
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions

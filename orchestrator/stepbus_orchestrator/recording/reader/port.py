@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.index import Index
 from stepbus_orchestrator.recording.reader.columns import Column, array_of, raw_map
-from stepbus_orchestrator.recording.source import Entry, Row, Source
+from stepbus_orchestrator.recording.records import Row
+from stepbus_orchestrator.recording.source import Entry, Source
 from stepbus_orchestrator.scenario.ports import RECORD_ALL
 from stepbus_participant import suggest
 from stepbus_schemas import (

@@ -22,8 +22,10 @@ from stepbus_orchestrator.recording.records import (
     MAGIC,
     DamagedRecord,
     RecordFile,
-    records_of,
-    split,
+    chunk_content,
+    messages,
+    parsed,
+    read_head,
 )
 from stepbus_schemas import Decoder, Description, Message, MessageError, StepbusError, Types
 
@@ -95,51 +97,47 @@ class Tail:
         """
         start = self._position
         head = self._file.read(start, HEAD.size)
-        if len(head) < HEAD.size:
-            return False
-        opcode, length = HEAD.unpack(head)
+        opcode, length = read_head(head, start, size)
         end = start + HEAD.size + length
         if opcode in LOOSE:
-            records: list[mcap.McapRecord] = []
-            with contextlib.suppress(DamagedRecord):
-                for inner, data in split(self._file.read(start, size - start)):
-                    records += records_of(inner, data)
+            loose = self._file.read(start, size - start)
             # The chunk may have come in their place in the meantime.
             if self._file.read(start, HEAD.size) == head:
-                self._taken = max(self._taken, self._add(records))
+                self._take(loose)
             return False
-        is_old = opcode == Opcode.CHUNK and _FIRST_BYTES < end < size - _SKIP_BYTES
-        if not (is_old and self._skips):
-            self._add(list(records_of(*self._file.record(start), checked=True)))
+        content = self._file.read(start + HEAD.size, length)
+        if opcode != Opcode.CHUNK:
+            self._describe(parsed(opcode, content))
+        elif not (self._skips and _FIRST_BYTES < end < size - _SKIP_BYTES):
+            self._take(chunk_content(content))
         self.is_complete = opcode == Opcode.DATA_END
         self._position = end
         if opcode == Opcode.CHUNK:
             self._taken = 0
         return True
 
-    def _add(self, records: Iterable[mcap.McapRecord]) -> int:
-        """Take records, and the messages among them that are new; return how many these all are."""
-        count, channels = 0, self._index.channels
-        for record in records:
-            if isinstance(record, mcap.Message):
-                count += 1
-                channel = channels.get(record.channel_id)
-                if count > self._taken and channel is not None:
-                    self._newest[channel.topic] = (record.sequence, record.data)
-                    self.t_ns = max(self.t_ns, record.log_time)
-                    if channel.topic in self._kept:
-                        self._kept[channel.topic].append((record.sequence, record.data))
-                continue
-            is_known = isinstance(record, mcap.Channel) and record.id in channels
-            self._index.add(record)
-            if isinstance(record, mcap.Schema):
-                self.types = recorded_types(self._index.schemas.values())
-            elif isinstance(record, mcap.Channel) and not is_known:
-                self._descriptions[record.topic] = Description()
-                with contextlib.suppress(ValueError):
-                    self._descriptions[record.topic] = description_of(record)
-                self.ports[record.topic] = PortInfo(self._index, record, self._descriptions)
-        return count
+    def _take(self, records: bytes) -> None:
+        """Take the messages among records that are new."""
+        rows = messages(records, describe=self._describe)
+        for number, (channel, step, t_ns, data) in enumerate(rows, 1):
+            if number > self._taken and channel in self._index.channels:
+                self._taken = number
+                topic = self._index.channels[channel].topic
+                self._newest[topic] = (step, data)
+                self.t_ns = max(self.t_ns, t_ns)
+                if topic in self._kept:
+                    self._kept[topic].append((step, data))
+
+    def _describe(self, record: Any) -> None:
+        is_known = isinstance(record, mcap.Channel) and record.id in self._index.channels
+        self._index.add(record)
+        if isinstance(record, mcap.Schema):
+            self.types = recorded_types(self._index.schemas.values())
+        elif isinstance(record, mcap.Channel) and not is_known:
+            self._descriptions[record.topic] = Description()
+            with contextlib.suppress(ValueError):
+                self._descriptions[record.topic] = description_of(record)
+            self.ports[record.topic] = PortInfo(self._index, record, self._descriptions)
 
     @property
     def last_step(self) -> int:
