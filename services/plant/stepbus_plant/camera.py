@@ -14,6 +14,7 @@ from stepbus_plant.commander import Commander
 from stepbus_plant.drives import Motors
 from stepbus_plant.engine import Engine, Light, Link
 from stepbus_plant.geometry import Array, rotation
+from stepbus_plant.memory import Remembers
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import CameraErrors
 from stepbus_plant.viewpoint import projection_matrix
@@ -107,7 +108,7 @@ Rendering = tuple[Image, Image]
 """Colours and depth."""
 
 
-class Camera:
+class Camera(Remembers):
     """A pinhole RGB-D camera without lens distortion.
 
     Its link is the optical frame: z forward, x right, y down. Integer pixel coordinates are pixel
@@ -115,6 +116,8 @@ class Camera:
     is_on: whether it takes images. period_ns: between two of them [ns]; None: each step.
     latency_ns: after which they are put out [ns].
     """
+
+    remembers = ("is_on",)
 
     def __init__(
         self, name: str, row: CameraSettings, link: Link, engine: Engine, lens: Lens
@@ -150,16 +153,10 @@ class Camera:
         """Ask for one image, at the next step."""
         self._is_asked = True
 
-    def save(self) -> Any:
-        """Return whether it is on, for a checkpoint.
-
-        None where it waits for requests, or images are under way.
-        """
-        return None if self._is_triggered or self._under_way else self.is_on
-
-    def restore(self, saved: Any) -> None:
-        """Take what `save` returned."""
-        self.is_on = saved
+    @property
+    def is_busy(self) -> bool:
+        """Return whether it waits for requests, or has images under way: what is not saved."""
+        return self._is_triggered or bool(self._under_way)
 
     def images(self, t_ns: int) -> Rendering | None:
         """Return the images due at a time [ns], drawn once for all ports; None: no image is due.

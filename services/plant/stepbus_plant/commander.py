@@ -8,6 +8,7 @@ import msgspec
 
 from stepbus_participant import InvalidInput
 from stepbus_plant.drives import Motors
+from stepbus_plant.memory import Remembers
 from stepbus_schemas import GripperCommand, JointCommand, JointMode, WiringError
 
 
@@ -40,7 +41,7 @@ class DriverState(msgspec.Struct):
     heard_ns: int | None = None
 
 
-class Commander:
+class Commander(Remembers):
     """Executes the commands of one input; there may be several, one for each arm.
 
     port: name of the input, for messages. names: joints of the vectors, in order. period_ns:
@@ -48,6 +49,8 @@ class Commander:
     Raises WiringError for names that are unknown, fixed or duplicate.
     """
 
+    remembers = ("state",)
+    state: DriverState
     obeys_stop: ClassVar[bool] = True
     """Whether an emergency stop brakes its joints."""
 

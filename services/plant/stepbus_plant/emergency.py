@@ -4,15 +4,18 @@ from collections.abc import Callable
 
 from stepbus_participant import format_duration
 from stepbus_plant.commander import Commander
+from stepbus_plant.memory import Remembers
 from stepbus_schemas import Description, EmergencyStop
 
 
-class StopSwitch:
+class StopSwitch(Remembers):
     """Brakes what the drivers move from one change to the next, whatever is commanded meanwhile.
 
     drivers: by input; those of grippers do not obey, and keep what they hold. state: of now.
     """
 
+    remembers, parts = ("state",), ("drivers",)
+    state: EmergencyStop
     description = Description()
 
     def __init__(self) -> None:
