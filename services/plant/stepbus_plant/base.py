@@ -1,17 +1,14 @@
 """A mobile base with two driven wheels: commands and odometry."""
 
 import math
-from typing import Any
 
-from stepbus_plant.commander import Commander
-from stepbus_plant.drives import Motors
 from stepbus_plant.engine import Engine
 from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.memory import Remembers
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import OdometryErrors
 from stepbus_plant.world import BaseSettings
-from stepbus_schemas import BaseState, Description, JointCommand
+from stepbus_schemas import BaseState, Description
 
 
 class Base(Remembers):
@@ -90,16 +87,3 @@ class Base(Remembers):
         """Return the velocities of the left and right wheel [rad/s] for a velocity of the base."""
         side = wz * self._row.track / 2
         return [(vx - side) / self._row.wheel_radius, (vx + side) / self._row.wheel_radius]
-
-
-class BaseDriver(Commander):
-    """Executes the commands of one input to a base; a command holds until the next one."""
-
-    def __init__(self, port: str, base: Base, motors: Motors) -> None:
-        super().__init__(port, [joint.name for joint in base.joints], motors)
-        self._base = base
-
-    def apply(self, command: Any) -> None:
-        """Execute a BaseCommand from now on; velocities of its wheels go over those of the base."""
-        wheels = command.wheels or self._base.wheel_velocities(command.vx, command.wz)
-        super().apply(JointCommand(mode="velocity", values=list(wheels)))

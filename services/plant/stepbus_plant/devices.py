@@ -5,12 +5,12 @@ from typing import Any, Protocol
 
 from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
-from stepbus_plant.base import Base, BaseDriver
-from stepbus_plant.camera import TYPES, Camera, Lens, TriggerDriver, views
-from stepbus_plant.commander import Commander
+from stepbus_plant.base import Base
+from stepbus_plant.camera import TYPES, Camera, Lens, views
+from stepbus_plant.commander import BaseDriver, Commander, GripperDriver, TriggerDriver
 from stepbus_plant.contacts import ContactSensor
 from stepbus_plant.drives import Motors
-from stepbus_plant.gripper import Gripper, GripperDriver
+from stepbus_plant.gripper import Gripper
 from stepbus_plant.memory import Remembers
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import Params
@@ -69,7 +69,6 @@ class Devices(Remembers):
         world, joints, engine = physics.world, physics.joints, physics.engine
         self._physics, self._seed = physics, seed
         self._period_ns = period_ns
-        self._has_cameras = params.cameras
         self.bases = {
             name: Base(
                 row,
@@ -94,8 +93,8 @@ class Devices(Remembers):
             name: Camera(name, row, physics.links[row.link], engine, lens)
             for name, row in world.cameras.items()
         }
-        for name in self.cameras:
-            self.switch_camera(name, on=True)
+        for camera in self.cameras.values():
+            camera.is_disabled = not params.cameras
         self._views = views(self.cameras)
         self.has_images = False
         self._sensors: dict[str, Any] = {
@@ -112,10 +111,6 @@ class Devices(Remembers):
             for name, device in devices.items()
             for joint in device.joints
         }
-
-    def switch_camera(self, name: str, *, on: bool) -> None:
-        """Switch a camera on or off; it stays off if the params disable cameras."""
-        self.cameras[name].is_on = on and self._has_cameras
 
     def sensor(self, port: str, port_type: str) -> tuple[Sensor, int]:
         """Return the sensor of an output, and how often it is read [ns].

@@ -3,21 +3,15 @@
 import math
 import operator
 from collections.abc import Iterable, Sequence
-from typing import Any, ClassVar
 
 import msgspec
 
-from stepbus_plant.commander import Commander
-from stepbus_plant.drives import Motors
 from stepbus_plant.engine import BASE, Contact, Engine, Link
 from stepbus_plant.geometry import Pose
 from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.memory import Remembers
 from stepbus_plant.world import GripperSettings
-from stepbus_schemas import GripperState, JointCommand, Point
-
-# Proportional gain from the width error to the finger velocity [1/s].
-_GAIN = 10.0
+from stepbus_schemas import GripperState, Point
 
 # Least cosine between a contact normal and the opening direction of the fingers: 45°.
 _LEAST_COSINE = math.sqrt(0.5)
@@ -214,26 +208,3 @@ def _dot(one: Sequence[float], other: Sequence[float]) -> float:
 
 def _cross(a: Sequence[float], b: Sequence[float]) -> Point:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-class GripperDriver(Commander):
-    """Executes the commands of one input to a gripper; a command holds until the next one."""
-
-    obeys_stop: ClassVar[bool] = False
-
-    def __init__(self, port: str, gripper: Gripper, motors: Motors) -> None:
-        super().__init__(port, [joint.name for joint in gripper.joints], motors)
-        self._gripper = gripper
-
-    def apply(self, command: Any) -> None:
-        """Execute a GripperCommand from now on."""
-        self.state.held = command
-
-    def before_step(self) -> None:
-        """Move both fingers towards the width, with no more than the commanded force."""
-        if (held := self.state.held) is None:
-            return
-        gap, speed = held.width - self._gripper.width(), self._gripper.speed
-        velocity = min(max(_GAIN * gap / 2, -speed), speed)
-        limits = [held.force] * 2
-        self.execute(JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=limits))

@@ -7,10 +7,9 @@ import msgspec
 
 from stepbus_participant import Problems, format_duration
 from stepbus_plant.calls import Calls
-from stepbus_plant.commander import Commander
+from stepbus_plant.commander import Commander, StopSwitch
 from stepbus_plant.devices import SECTIONS, Devices, mistakes
 from stepbus_plant.drives import Motors
-from stepbus_plant.emergency import StopSwitch
 from stepbus_plant.joint import Joint
 from stepbus_plant.kinematic import NOTICE, Kinematics
 from stepbus_plant.memory import Remembers
@@ -68,7 +67,7 @@ class SimulatedPlant(Remembers):
         self.names = [joint.name for joint in joints]
         self.devices = Devices(physics, params, period_ns, seed)
         self.stop = StopSwitch()
-        self.script = Script(params.script, physics, self.devices, self.stop)
+        self.script = Script(params.script, physics, self.devices.cameras, self.stop)
         self.motors = Motors(physics, step_ns, period_ns)
         self.warnings = self.motors.warnings
         self.calls = Calls(self.motors, self.script, lambda: self.t_ns)

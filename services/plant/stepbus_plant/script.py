@@ -1,11 +1,11 @@
 """What happens in a world, and when: by its script, or by a call."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from stepbus_participant import Problems, format_duration, suggest
-from stepbus_plant.devices import Devices
-from stepbus_plant.emergency import StopSwitch
+from stepbus_plant.camera import Camera
+from stepbus_plant.commander import StopSwitch
 from stepbus_plant.engine import BASE, Contact, Engine, Goal, Link
 from stepbus_plant.geometry import Pose, quaternion
 from stepbus_plant.memory import Remembers
@@ -78,10 +78,14 @@ class Script(Remembers):
     remembers = ("_done", "jammed", "has_moved")
 
     def __init__(
-        self, actions: Sequence[Action], physics: Physics, devices: Devices, stop: StopSwitch
+        self,
+        actions: Sequence[Action],
+        physics: Physics,
+        cameras: Mapping[str, Camera],
+        stop: StopSwitch,
     ) -> None:
         self._physics = physics
-        self._devices = devices
+        self._cameras = cameras
         self._stop = stop
         self._actions = sorted(actions, key=lambda action: action.at_ns)
         self._done = 0
@@ -135,7 +139,7 @@ class Script(Remembers):
             position = self.jammed.setdefault(joint.name, self._physics.state(joint)[0])
             return f"joint {joint.name} jammed at {position:.6g} {joint.unit}"
         off = action.off is not False
-        self._devices.switch_camera(str(action.camera), on=not off)
+        self._cameras[str(action.camera)].is_on = not off
         return f"camera {action.camera} was switched {'off' if off else 'on'}"
 
     def _move_body(self, name: str, position: Point, rpy: Point | None) -> str:

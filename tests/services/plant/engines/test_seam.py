@@ -11,8 +11,14 @@ import stepbus
 from stepbus import Recording
 from stepbus_plant import engines
 from stepbus_plant.engines import ENGINES, default_engine, is_here
-from stepbus_plant.geometry import Geometry, product, quaternion, rotation
-from stepbus_plant.viewpoint import projection_matrix, view_matrix
+from stepbus_plant.geometry import (
+    Geometry,
+    product,
+    projection_matrix,
+    quaternion,
+    rotation,
+    view_matrix,
+)
 from stepbus_schemas import WiringError
 
 
