@@ -67,6 +67,8 @@ class MujocoEngine(Engine):
     """
 
     name = "mujoco"
+    _motors: Motors
+    _shapes: Shapes
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry = Geometry()
@@ -83,8 +85,6 @@ class MujocoEngine(Engine):
         self._bodies: list[Body] = []
         self._is_seen = False
         self._compiled: tuple[Any, Any] | None = None
-        self._motors: Any = None
-        self._shapes: Any = None
         self._painter: Painter | None = None
         self._id: dict[Link, int] = {}
         self._reactions: dict[Link, tuple[Array, Array]] = {}
@@ -369,20 +369,17 @@ class MujocoEngine(Engine):
     def closest(self, link: Link, within: float) -> list[Contact]:
         """See `Engine`."""
         self._looked()
-        found: list[Contact] = self._shapes.closest(link, within)
-        return found
+        return self._shapes.closest(link, within)
 
     def box(self, link: Link) -> tuple[Point, Point]:
         """See `Engine`."""
         centre = self.motion(link).centre
-        corners: tuple[Point, Point] | None = self._shapes.box(link)
-        return corners or (centre, centre)
+        return self._shapes.box(link) or (centre, centre)
 
     def cast(self, starts: Array, ends: Array) -> Array:
         """See `Engine`."""
         self._looked()
-        shares: Array = self._shapes.cast(starts, ends)
-        return shares
+        return self._shapes.cast(starts, ends)
 
     def renderer(self) -> str:
         """See `Engine`."""
