@@ -26,9 +26,8 @@ from stepbus.messages import Detections, GripperState, Image, Poses
 from stepbus_participant import Problems
 from stepbus_plant import Params, load_world
 from stepbus_plant.engine import Light
-from stepbus_plant.geometry import rotation
+from stepbus_plant.geometry import projection_matrix, rotation, view_matrix
 from stepbus_plant.physics import Physics
-from stepbus_plant.viewpoint import projection_matrix, view_matrix
 from stepbus_store.solids import read_solids
 
 Picture = NDArray[np.uint8]

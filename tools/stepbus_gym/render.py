@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_plant.engine import BASE, Light
-from stepbus_plant.geometry import Array
+from stepbus_plant.geometry import Array, projection_matrix, view_matrix
 from stepbus_plant.physics import Physics, open_worlds
-from stepbus_plant.viewpoint import projection_matrix, view_matrix
 from stepbus_schemas import RunError
 
 _FIELD_OF_VIEW = math.radians(45.0)

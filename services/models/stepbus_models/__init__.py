@@ -7,7 +7,7 @@ from .description import Mimic as Mimic
 from .description import Pose as Pose
 from .description import RobotDescription as RobotDescription
 from .description import Shape as Shape
-from .meshes import mesh_unit as mesh_unit
 from .read import read_robot as read_robot
 from .urdf import is_file as is_file
+from .urdf import mesh_unit as mesh_unit
 from .write import urdf_text as urdf_text

@@ -40,6 +40,7 @@ _SIZES = {
 }
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _INFINITE = re.compile(r"\b(nan|inf(inity)?)\b|[eE]\+?\d{3}", re.IGNORECASE)
+_UNIT = re.compile(rb"""<unit\b[^>]*?\bmeter\s*=\s*["']\s*([^"'\s]+)""")
 _DECLARATION = re.compile(r"<\?xml[^?]*\?>")
 _NOISE = 1e-12
 """Moments of inertia below this are rounding errors of the program that wrote them [kg·m²]."""
@@ -429,6 +430,15 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):
         return False
+
+
+def mesh_unit(file: str) -> float:
+    """Return the length of the unit of a Collada file [m]; 1 for a file of another format.
+
+    PyBullet scales meshes by it; coal, which reads them for Pinocchio, does not (3.0.3).
+    """
+    found = _UNIT.search(Path(file).read_bytes()) if file.lower().endswith(".dae") else None
+    return float(found[1]) if found else 1.0
 
 
 def _end(joint: Any, end: str) -> Any:

@@ -1,19 +1,17 @@
 """A mobile base with two driven wheels: commands and odometry."""
 
 import math
-from typing import Any
 
-from stepbus_plant.commander import Commander
-from stepbus_plant.drives import Motors
 from stepbus_plant.engine import Engine
 from stepbus_plant.joint import Joint, describe_joints
+from stepbus_plant.memory import Remembers
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import OdometryErrors
 from stepbus_plant.world import BaseSettings
-from stepbus_schemas import BaseState, Description, JointCommand
+from stepbus_schemas import BaseState, Description
 
 
-class Base:
+class Base(Remembers):
     """A differential drive and its odometry; wheels: left, right.
 
     Odometry integrates the wheel angles; it does not notice slip, which `errors` adds: the physics
@@ -21,6 +19,9 @@ class Base:
     for constant wheel velocities (R. Siegwart, I. Nourbakhsh: Introduction to Autonomous Mobile
     Robots, 2004, section 5.2.4).
     """
+
+    remembers = ("_angles", "_readings", "_x", "_y", "_yaw")
+    _angles: tuple[float, float]
 
     def __init__(
         self,
@@ -39,15 +40,6 @@ class Base:
         self._engine = engine
         self._angles = self._read()[0]
         self._x = self._y = self._yaw = 0.0
-
-    def save(self) -> Any:
-        """Return what its odometry depends on, for a checkpoint."""
-        return self._angles, self._readings, (self._x, self._y, self._yaw)
-
-    def restore(self, saved: Any) -> None:
-        """Take what `save` returned."""
-        angles, self._readings, (self._x, self._y, self._yaw) = saved
-        self._angles = tuple(angles)
 
     @property
     def description(self) -> Description:
@@ -95,16 +87,3 @@ class Base:
         """Return the velocities of the left and right wheel [rad/s] for a velocity of the base."""
         side = wz * self._row.track / 2
         return [(vx - side) / self._row.wheel_radius, (vx + side) / self._row.wheel_radius]
-
-
-class BaseDriver(Commander):
-    """Executes the commands of one input to a base; a command holds until the next one."""
-
-    def __init__(self, port: str, base: Base, motors: Motors) -> None:
-        super().__init__(port, [joint.name for joint in base.joints], motors)
-        self._base = base
-
-    def apply(self, command: Any) -> None:
-        """Execute a BaseCommand from now on; velocities of its wheels go over those of the base."""
-        wheels = command.wheels or self._base.wheel_velocities(command.vx, command.wz)
-        super().apply(JointCommand(mode="velocity", values=list(wheels)))

@@ -4,19 +4,17 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_participant import format_duration
-from stepbus_plant.commander import Commander
-from stepbus_plant.drives import Motors
 from stepbus_plant.engine import Engine, Light, Link
-from stepbus_plant.geometry import Array, rotation
+from stepbus_plant.geometry import Array, projection_matrix, rotation
+from stepbus_plant.memory import Remembers
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import CameraErrors
-from stepbus_plant.viewpoint import projection_matrix
 from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Message, PointCloud
 
@@ -107,21 +105,23 @@ Rendering = tuple[Image, Image]
 """Colours and depth."""
 
 
-class Camera:
+class Camera(Remembers):
     """A pinhole RGB-D camera without lens distortion.
 
     Its link is the optical frame: z forward, x right, y down. Integer pixel coordinates are pixel
     centres, counted from 0, so the principal point is ((width - 1) / 2, (height - 1) / 2).
-    is_on: whether it takes images. period_ns: between two of them [ns]; None: each step.
-    latency_ns: after which they are put out [ns].
+    is_on: whether it takes images; is_disabled: it takes none in the whole run. period_ns: between
+    two of them [ns]; None: each step. latency_ns: after which they are put out [ns].
     """
+
+    remembers = ("is_on",)
 
     def __init__(
         self, name: str, row: CameraSettings, link: Link, engine: Engine, lens: Lens
     ) -> None:
         self.name = name
         self.row = row
-        self.is_on = True
+        self.is_on, self.is_disabled = True, False
         self.period_ns = row.period_ns
         self.latency_ns = row.latency_ns or 0
         self._is_triggered = self._is_asked = False
@@ -150,16 +150,10 @@ class Camera:
         """Ask for one image, at the next step."""
         self._is_asked = True
 
-    def save(self) -> Any:
-        """Return whether it is on, for a checkpoint.
-
-        None where it waits for requests, or images are under way.
-        """
-        return None if self._is_triggered or self._under_way else self.is_on
-
-    def restore(self, saved: Any) -> None:
-        """Take what `save` returned."""
-        self.is_on = saved
+    @property
+    def is_busy(self) -> bool:
+        """Return whether it waits for requests, or has images under way: what is not saved."""
+        return self._is_triggered or bool(self._under_way)
 
     def images(self, t_ns: int) -> Rendering | None:
         """Return the images due at a time [ns], drawn once for all ports; None: no image is due.
@@ -177,7 +171,7 @@ class Camera:
     def _takes(self, t_ns: int) -> bool:
         is_asked, self._is_asked = self._is_asked, False
         is_due = is_asked if self._is_triggered else t_ns % (self.period_ns or 1) == 0
-        return is_due and self.is_on
+        return is_due and self.is_on and not self.is_disabled
 
     def render(self, t_ns: int = 0) -> Rendering:
         """Return the current colour image, and the depth along z [m]; t_ns: of its noise.
@@ -255,24 +249,6 @@ class View:
         if images is None or self._quantity == "points":
             return None if images is None else self.camera.cloud(images)
         return images[0] if self._quantity == "rgb" else images[1]
-
-
-class TriggerDriver(Commander):
-    """Passes the requests of one input on to a camera."""
-
-    obeys_stop: ClassVar[bool] = False
-
-    def __init__(self, port: str, camera: Camera, motors: Motors) -> None:
-        super().__init__(port, [], motors)
-        camera.wait_for_triggers()
-        self._camera = camera
-        self._id: int | None = None
-
-    def apply(self, command: Any) -> None:
-        """Ask for an image, once per id of a CameraTrigger."""
-        if command.id != self._id:
-            self._id = command.id
-            self._camera.trigger()
 
 
 def views(cameras: Mapping[str, Camera]) -> dict[str, View]:

@@ -1,14 +1,28 @@
-"""Checks the commands of one input and passes them to the drives of their joints."""
+"""Executes the commands of each input; in an emergency, or without a command, it brakes."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NoReturn
 
 import msgspec
 
-from stepbus_participant import InvalidInput
+from stepbus_participant import InvalidInput, format_duration
+from stepbus_plant.base import Base
+from stepbus_plant.camera import Camera
 from stepbus_plant.drives import Motors
-from stepbus_schemas import GripperCommand, JointCommand, JointMode, WiringError
+from stepbus_plant.gripper import Gripper
+from stepbus_plant.memory import Remembers
+from stepbus_schemas import (
+    Description,
+    EmergencyStop,
+    GripperCommand,
+    JointCommand,
+    JointMode,
+    WiringError,
+)
+
+# Proportional gain from the width error to the finger velocity [1/s].
+_GAIN = 10.0
 
 
 class CommandError(InvalidInput, ValueError):
@@ -40,7 +54,7 @@ class DriverState(msgspec.Struct):
     heard_ns: int | None = None
 
 
-class Commander:
+class Commander(Remembers):
     """Executes the commands of one input; there may be several, one for each arm.
 
     port: name of the input, for messages. names: joints of the vectors, in order. period_ns:
@@ -48,6 +62,8 @@ class Commander:
     Raises WiringError for names that are unknown, fixed or duplicate.
     """
 
+    remembers = ("state",)
+    state: DriverState
     obeys_stop: ClassVar[bool] = True
     """Whether an emergency stop brakes its joints."""
 
@@ -179,3 +195,102 @@ class Commander:
 
     def _reject(self, text: str) -> NoReturn:
         raise CommandError(self._port, text)
+
+
+class BaseDriver(Commander):
+    """Executes the commands of one input to a base; a command holds until the next one."""
+
+    def __init__(self, port: str, base: Base, motors: Motors) -> None:
+        super().__init__(port, [joint.name for joint in base.joints], motors)
+        self._base = base
+
+    def apply(self, command: Any) -> None:
+        """Execute a BaseCommand from now on; velocities of its wheels go over those of the base."""
+        wheels = command.wheels or self._base.wheel_velocities(command.vx, command.wz)
+        super().apply(JointCommand(mode="velocity", values=list(wheels)))
+
+
+class GripperDriver(Commander):
+    """Executes the commands of one input to a gripper; a command holds until the next one."""
+
+    obeys_stop: ClassVar[bool] = False
+
+    def __init__(self, port: str, gripper: Gripper, motors: Motors) -> None:
+        super().__init__(port, [joint.name for joint in gripper.joints], motors)
+        self._gripper = gripper
+
+    def apply(self, command: Any) -> None:
+        """Execute a GripperCommand from now on."""
+        self.state.held = command
+
+    def before_step(self) -> None:
+        """Move both fingers towards the width, with no more than the commanded force."""
+        if (held := self.state.held) is None:
+            return
+        gap, speed = held.width - self._gripper.width(), self._gripper.speed
+        velocity = min(max(_GAIN * gap / 2, -speed), speed)
+        limits = [held.force] * 2
+        self.execute(JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=limits))
+
+
+class TriggerDriver(Commander):
+    """Passes the requests of one input on to a camera."""
+
+    obeys_stop: ClassVar[bool] = False
+
+    def __init__(self, port: str, camera: Camera, motors: Motors) -> None:
+        super().__init__(port, [], motors)
+        camera.wait_for_triggers()
+        self._camera = camera
+        self._id: int | None = None
+
+    def apply(self, command: Any) -> None:
+        """Ask for an image, once per id of a CameraTrigger."""
+        if command.id != self._id:
+            self._id = command.id
+            self._camera.trigger()
+
+
+class StopSwitch(Remembers):
+    """Brakes what the drivers move from one change to the next, whatever is commanded meanwhile.
+
+    drivers: by input; those of grippers do not obey, and keep what they hold. state: of now.
+    """
+
+    remembers, parts = ("state",), ("drivers",)
+    state: EmergencyStop
+    description = Description()
+
+    def __init__(self) -> None:
+        self.drivers: dict[str, Commander] = {}
+        self.state = EmergencyStop(active=False)
+
+    def set(self, t_ns: int, by: str, record: Callable[[int, str], None], *, active: bool) -> None:
+        """Stop, or let commands move again; what is so already stays as it is.
+
+        t_ns: now [ns]. by: who asks. record: takes the time and what has happened.
+        """
+        if active == self.state.active:
+            return
+        self.state = EmergencyStop(active=active, by=by, since=t_ns * 1e-9)
+        for driver in self.drivers.values():
+            if active and driver.obeys_stop:
+                driver.halt()
+        record(t_ns, f"emergency stop{'' if active else ' released'} by {by}")
+
+    def sense(self, _t_ns: int) -> EmergencyStop:
+        """Return the state."""
+        return self.state
+
+    def watch(self, t_ns: int, longest_ns: int, record: Callable[[int, str], None]) -> None:
+        """Halt what has had no command for some time, until the next one; record: as of `set`.
+
+        longest_ns: how long that is [ns]. A driver that has had no command yet is left alone.
+        """
+        for port, driver in self.drivers.items():
+            heard_ns = driver.state.heard_ns
+            if driver.obeys_stop and heard_ns is not None and t_ns - heard_ns >= longest_ns:
+                driver.state.heard_ns = None
+                driver.halt()
+                longest = format_duration(longest_ns)
+                record(t_ns, f"no command on input {port!r} for {longest}: it brakes")

@@ -2,11 +2,10 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
-
-import msgspec
+from typing import NamedTuple
 
 from stepbus_plant.engine import Contact, Link
+from stepbus_plant.memory import Remembers
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import ProximityErrors
 from stepbus_plant.physics import Physics
@@ -21,12 +20,14 @@ Pair = tuple[str, str]
 """Names of two links, sorted."""
 
 
-class Skin:
+class Skin(Remembers):
     """Electrodes all over some links: each measures the nearest surface, wherever that is.
 
     links: those with a skin. errors: of its distances. random: numbers for that. readings: how many
     there were.
     """
+
+    remembers = ("readings",)
 
     def __init__(self, links: Sequence[str], errors: ProximityErrors, random: Noise) -> None:
         self._noise, self._random = errors.noise, random
@@ -72,10 +73,7 @@ class _Load:
         self.point = point
 
 
-_SavedLoad = tuple[Pair, float, float, _Point | None]
-
-
-class ContactSensor:
+class ContactSensor(Remembers):
     """Reads the engine's contacts, summed for each pair of links.
 
     An impact is over within a substep, and two links may have parted when they are read: what they
@@ -83,6 +81,9 @@ class ContactSensor:
 
     row: which links, and how far it measures. errors: of distances; seed: of the plant.
     """
+
+    remembers, parts = ("_loads",), ("_skins",)
+    _loads: dict[Pair, _Load]
 
     def __init__(
         self,
@@ -104,29 +105,17 @@ class ContactSensor:
         solid = (link for link in links if engine.is_solid(indices[link]))
         self._near = [indices[link] for link in solid] if within > 0.0 else []
         self._pressed: dict[Pair, float] | None = None
-        self._loads: dict[Pair, _Load] = {}
-        self._skin: Skin | None = None
+        self._loads = {}
+        self._skins: list[Skin] = []
         self._stands: set[tuple[Link, Link]] = set()
         if (errors.gain or errors.noise) and self._near:
-            self._skin = Skin(links, errors, Noise(seed, "proximity", name))
+            self._skins = [Skin(links, errors, Noise(seed, "proximity", name))]
             engine.update_shapes()
             # What the robot stands on is nothing new to the links that are near it.
             closest = engine.closest
             ground = {row.other for link in self._near for row in closest(link, _STANDS_ON)}
             near = ((link, row.other) for link in self._near for row in closest(link, within))
             self._stands = {(link, other) for link, other in near if other in ground}
-
-    def save(self) -> Any:
-        """Return what has pressed since the latest reading, for a checkpoint."""
-        loads = [(pair, row.peak, row.impulse, row.point) for pair, row in self._loads.items()]
-        return loads, 0 if self._skin is None else self._skin.readings
-
-    def restore(self, saved: Any) -> None:
-        """Take what `save` returned."""
-        loads, readings = msgspec.convert(saved, tuple[list[_SavedLoad], int])
-        self._loads = {pair: _Load(peak, total, at) for pair, peak, total, at in loads}
-        if self._skin is not None:
-            self._skin.readings = readings
 
     def after_substep(self, seconds: float) -> None:
         """Add up what presses on the watched links; seconds: length of the substep."""
@@ -144,12 +133,12 @@ class ContactSensor:
         """
         loads, self._loads = self._loads, {}
         points = list(map(self._point, self._touching()))
-        if self._skin is None:
+        if not self._skins:
             points += [point for _, point in self._nearby()]
-        else:
-            # The skin feels what presses on it; how far away the rest is, it measures.
+        for skin in self._skins:
+            # It feels what presses on it; how far away the rest is, it measures.
             points = [point for point in points if self._force(point.pair, [point]) > 0.0]
-            points += self._measured(self._skin)
+            points += self._measured(skin)
         known = {point.pair for point in points}
         parted = [load.point for pair, load in loads.items() if load.point and pair not in known]
         points += [point._replace(force=0.0) for point in parted]

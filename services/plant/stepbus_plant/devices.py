@@ -5,12 +5,13 @@ from typing import Any, Protocol
 
 from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
-from stepbus_plant.base import Base, BaseDriver
-from stepbus_plant.camera import TYPES, Camera, Lens, TriggerDriver, views
-from stepbus_plant.commander import Commander
+from stepbus_plant.base import Base
+from stepbus_plant.camera import TYPES, Camera, Lens, views
+from stepbus_plant.commander import BaseDriver, Commander, GripperDriver, TriggerDriver
 from stepbus_plant.contacts import ContactSensor
 from stepbus_plant.drives import Motors
-from stepbus_plant.gripper import Gripper, GripperDriver
+from stepbus_plant.gripper import Gripper
+from stepbus_plant.memory import Remembers
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
@@ -55,26 +56,19 @@ class Sensor(Protocol):
         ...
 
 
-class _Device(Sensor, Protocol):
-    """A sensor of which a checkpoint has all that its next reading depends on."""
-
-    def save(self) -> Any: ...
-
-    def restore(self, saved: Any) -> None: ...
-
-
-class Devices:
+class Devices(Remembers):
     """All devices and sensors of a world in which `mistakes` finds none.
 
     period_ns: length of the plant's step [ns]. params, seed: of their errors. felt: the sensors of
     contacts that outputs show. has_images: whether outputs show cameras.
     """
 
+    parts = ("cameras", "_sensors")
+
     def __init__(self, physics: Physics, params: Params, period_ns: int, seed: int) -> None:
         world, joints, engine = physics.world, physics.joints, physics.engine
         self._physics, self._seed = physics, seed
         self._period_ns = period_ns
-        self._has_cameras = params.cameras
         self.bases = {
             name: Base(
                 row,
@@ -99,28 +93,15 @@ class Devices:
             name: Camera(name, row, physics.links[row.link], engine, lens)
             for name, row in world.cameras.items()
         }
-        for name in self.cameras:
-            self.switch_camera(name, on=True)
+        for camera in self.cameras.values():
+            camera.is_disabled = not params.cameras
         self._views = views(self.cameras)
         self.has_images = False
-        self._sensors: dict[str, _Device] = {
+        self._sensors: dict[str, Any] = {
             f"{section}/{name}": device
             for section in ("bases", "grippers", "contacts")
             for name, device in getattr(self, section).items()
         }
-
-    def save(self) -> dict[str, Any] | None:
-        """Return what devices remember; None where that cannot be had."""
-        cameras = {name: camera.save() for name, camera in self.cameras.items()}
-        states = {key: sensor.save() for key, sensor in self._sensors.items()}
-        return None if None in cameras.values() else {**states, "cameras": cameras}
-
-    def restore(self, saved: Mapping[str, Any]) -> None:
-        """Take what `save` returned."""
-        for name, is_on in saved["cameras"].items():
-            self.cameras[name].restore(is_on)
-        for key, sensor in self._sensors.items():
-            sensor.restore(saved[key])
 
     def owners(self) -> dict[str, str]:
         """Return joint → the base or gripper it belongs to."""
@@ -130,10 +111,6 @@ class Devices:
             for name, device in devices.items()
             for joint in device.joints
         }
-
-    def switch_camera(self, name: str, *, on: bool) -> None:
-        """Switch a camera on or off; it stays off if the params disable cameras."""
-        self.cameras[name].is_on = on and self._has_cameras
 
     def sensor(self, port: str, port_type: str) -> tuple[Sensor, int]:
         """Return the sensor of an output, and how often it is read [ns].

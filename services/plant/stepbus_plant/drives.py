@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from stepbus_plant.engine import Engine, Goal
 from stepbus_plant.joint import Joint
+from stepbus_plant.memory import Remembers
 from stepbus_plant.physics import Physics
 from stepbus_schemas import JointCommand
 
@@ -17,16 +18,13 @@ Indices = Sequence[tuple[int, int]]
 """Pairs of a joint's index in its drive and in the vectors of a command."""
 
 
-class Drive:
+class Drive(Remembers):
     """Joints of one body with the same mode and actuation, and the latest target of each.
 
     This class itself drives nothing: a passive joint, and one of mode teleport, which jumps to each
     commanded position. joints: each keeps its target until a command names it again, even if
     another input commands the drive's other joints. substep_s: length of a physics substep [s].
     """
-
-    remembers: ClassVar[tuple[str, ...]] = ()
-    """The attributes that commands and steps change."""
 
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         self.joints = list(joints)
@@ -48,15 +46,6 @@ class Drive:
     def brake(self, index: int, position: float) -> None:
         """Hold a joint at its current `position` [rad] until the next command."""
 
-    def save(self) -> dict[str, Any]:
-        """Return its latest targets, for a checkpoint."""
-        return {key: getattr(self, key) for key in self.remembers}
-
-    def restore(self, saved: Mapping[str, Any]) -> None:
-        """Take what `save` returned, and set the engine's motors accordingly."""
-        for key in self.remembers:
-            setattr(self, key, saved[key])
-
     def before_substep(self) -> None:
         """Pass new targets to the physics engine."""
 
@@ -71,7 +60,7 @@ class Drive:
 class DirectTorque(Drive):
     """Mode torque: the engine applies the torque directly, and does not report it."""
 
-    remembers: ClassVar[tuple[str, ...]] = ("_wanted", "_applied", "_braked")
+    remembers = ("_wanted", "_applied", "_braked")
 
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(engine, joints, substep_s)
@@ -94,8 +83,8 @@ class DirectTorque(Drive):
             self._braked.append(index)
         self._resist(index, self._efforts[index])
 
-    def restore(self, saved: Mapping[str, Any]) -> None:
-        """See `Drive`."""
+    def restore(self, saved: Any) -> None:
+        """Take a state from `save`, and set the engine's motors accordingly."""
         super().restore(saved)
         for index in self._braked:
             self._resist(index, self._efforts[index])
@@ -146,8 +135,8 @@ class VelocityMotor(Drive):
         velocity = self._velocities[index]
         return self.joints[index].within_stops(position + velocity * dt), velocity
 
-    def restore(self, saved: Mapping[str, Any]) -> None:
-        """See `Drive`."""
+    def restore(self, saved: Any) -> None:
+        """Take a state from `save`, and set the engine's motors accordingly."""
         super().restore(saved)
         self._changed = True
 
@@ -187,12 +176,7 @@ class PositionMotor(VelocityMotor):
     staircase, and lag behind.
     """
 
-    remembers: ClassVar[tuple[str, ...]] = (
-        *VelocityMotor.remembers,
-        "_commanded",
-        "_age",
-        "_moving",
-    )
+    remembers = (*VelocityMotor.remembers, "_commanded", "_age", "_moving")
 
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(engine, joints, substep_s)
@@ -258,21 +242,24 @@ _CLASSES: Mapping[tuple[str, str], type[Drive]] = {
 """Mode and, of mode torque, actuation → class; of any other: `Drive`."""
 
 
-class Warnings:
+class Warnings(Remembers):
     """Collects warnings about commands until they are taken.
 
     Each cause is reported once per subject: a controller that commands the impossible does so at
     every step. reported: (subject, cause). pending: those since the last call of `take`.
     """
 
+    remembers = ("reported", "pending")
+    reported: list[tuple[str, str]]
+
     def __init__(self) -> None:
-        self.reported: set[tuple[str, str]] = set()
+        self.reported = []
         self.pending: list[str] = []
 
     def add(self, subject: str, cause: str, text: str) -> None:
         """Add a warning, unless this cause has been reported for this subject."""
         if (subject, cause) not in self.reported:
-            self.reported.add((subject, cause))
+            self.reported.append((subject, cause))
             self.pending.append(f"{subject}: {text}")
 
     def take(self) -> list[str]:
@@ -287,13 +274,15 @@ class Warnings:
                 self.add(f"joint {joint.name}", cause, text)
 
 
-class Motors:
+class Motors(Remembers):
     """The drives of a world: one per body, mode and actuation, for one engine call per substep.
 
     step_ns, period_ns: length of a physics substep, and of the plant's step [ns]. drive_of: joint →
     its drive, and its index in that. owners: joint → the input that drives it. warnings: about
     commands. All commanders share these.
     """
+
+    remembers, parts = ("owners",), ("drives", "warnings")
 
     def __init__(self, physics: Physics, step_ns: int, period_ns: int) -> None:
         def key(joint: Joint) -> tuple[int, str, str]:

@@ -3,18 +3,15 @@
 import math
 import operator
 from collections.abc import Iterable, Sequence
-from typing import Any, ClassVar
 
-from stepbus_plant.commander import Commander
-from stepbus_plant.drives import Motors
+import msgspec
+
 from stepbus_plant.engine import BASE, Contact, Engine, Link
 from stepbus_plant.geometry import Pose
 from stepbus_plant.joint import Joint, describe_joints
+from stepbus_plant.memory import Remembers
 from stepbus_plant.world import GripperSettings
-from stepbus_schemas import GripperState, JointCommand, Point
-
-# Proportional gain from the width error to the finger velocity [1/s].
-_GAIN = 10.0
+from stepbus_schemas import GripperState, Point
 
 # Least cosine between a contact normal and the opening direction of the fingers: 45°.
 _LEAST_COSINE = math.sqrt(0.5)
@@ -29,77 +26,28 @@ FORCE_WITHOUT_DYNAMICS = 15.0
 """Force of each pad on what a gripper holds while dynamics are off [N]."""
 
 
-class Grip:
+class Grip(msgspec.Struct):
     """A grip, from its first contact on.
 
-    finger: the left one. slide: its axis, in its frame. thing: what is held. points: of contact
-    with both pads, in the world [m].
+    thing: what is held. on_thing, on_finger: the middle of the first points of contact, in the
+    frames of the thing and of the left finger [m].
     """
 
-    def __init__(
-        self, engine: Engine, finger: Link, slide: Point, thing: Link, points: Sequence[Point]
-    ) -> None:
-        self.thing = thing
-        self._engine, self._finger, self._slide = engine, finger, slide
-        x, y, z = (sum(axis) / len(points) for axis in zip(*points, strict=True))
-        self._on_thing = self._engine.geometry.into(self._pose(thing), (x, y, z))
-        self._on_finger = self._engine.geometry.into(self._pose(finger), (x, y, z))
-        self._is_free = thing[1] == BASE and engine.mass(thing) > 0.0
-        self._before: Point | None = None
-
-    def _pose(self, link: Link) -> Pose:
-        """Return the pose of a link; of the root of a body, that of its centre of mass."""
-        return self._engine.centre(link[0]) if link[1] == BASE else self._engine.frame(link)
-
-    def _where(self) -> Point:
-        """Return where the point of the thing is that was first gripped [m]."""
-        return self._engine.geometry.out_of(self._pose(self.thing), self._on_thing)
-
-    def save(self) -> Any:
-        """Return where it began, for a checkpoint."""
-        return self.thing, self._on_thing, self._on_finger
-
-    def restore(self, saved: Any) -> None:
-        """Take what `save` returned, of the same thing."""
-        _, self._on_thing, self._on_finger = (tuple(part) for part in saved)
-
-    def slip(self) -> float:
-        """Return how far it has slid along the pads [m]."""
-        now = self._engine.geometry.into(self._pose(self._finger), self._where())
-        moved = [a - b for a, b in zip(now, self._on_finger, strict=True)]
-        across = _dot(moved, self._slide)
-        return math.sqrt(max(sum(part * part for part in moved) - across * across, 0.0))
-
-    def before_substep(self) -> None:
-        """Keep where it is gripped."""
-        self._before = self._where()
-        self._at = self._engine.geometry.into(self._pose(self._finger), self._before)
-
-    def after_substep(self, dt: float) -> None:
-        """Move the thing from the tangent, along which the engine moves it, to the pads' arc.
-
-        On a circle it would go outwards by ω² r dt / 2 per second: by 2 mm in a swing of the arm at
-        a physics step dt of 4 ms [s], however strong the friction. Half of the pads' acceleration
-        that no joint's acceleration explains is the difference between their displacement and their
-        velocity at its end. Friction is not touched: what it does not hold slides.
-        """
-        if not self._is_free or self._before is None:
-            return
-        pads = self._engine.motion(self._finger)
-        after = self._engine.geometry.out_of(pads.frame, self._at)
-        arm = [a - b for a, b in zip(after, pads.centre, strict=True)]
-        velocity = [a + b for a, b in zip(pads.velocity, _cross(pads.spin, arm), strict=True)]
-        at, orientation = self._engine.centre(self.thing[0])
-        rows = zip(at, after, self._before, velocity, strict=True)
-        x, y, z = (p - ((new - old) - v * dt) for p, new, old, v in rows)
-        self._engine.put_centre(self.thing[0], ((x, y, z), orientation), keeps_velocity=True)
+    thing: Link
+    on_thing: Point
+    on_finger: Point
 
 
-class Gripper:
+class Gripper(Remembers):
     """Two coupled prismatic fingers that open towards positive positions.
 
     width: sum of both positions [m]. held_without_forces: what it holds while dynamics are off.
     """
+
+    remembers = ("_grip", "_pressed_along", "_stale", "_renewed", "_force")
+    _grip: Grip | None
+    _pressed_along: Point
+    _stale: list[Link]
 
     def __init__(self, row: GripperSettings, fingers: tuple[Joint, Joint], engine: Engine) -> None:
         self.joints = fingers
@@ -109,9 +57,10 @@ class Gripper:
         self.held_without_forces: Link | None = None
         self._engine = engine
         self._slide = fingers[0].axis
-        self._grip: Grip | None = None
-        self._pressed_along: Point = (0.0, 0.0, 0.0)
-        self._stale: list[Link] = []
+        self._grip = None
+        self._before: Point | None = None
+        self._pressed_along = (0.0, 0.0, 0.0)
+        self._stale = []
         self._renewed = False
         self._force = 0.0
 
@@ -122,21 +71,6 @@ class Gripper:
         width: float = left[0] + right[0]
         return width
 
-    def save(self) -> Any:
-        """Return what it holds, and how, for a checkpoint."""
-        grip = None if self._grip is None else self._grip.save()
-        return grip, self._pressed_along, self._stale, self._renewed, self._force
-
-    def restore(self, saved: Any) -> None:
-        """Take what `save` returned."""
-        grip, along, stale, self._renewed, self._force = saved
-        self._pressed_along, self._stale = tuple(along), [tuple(link) for link in stale]
-        self._grip = None
-        if grip is not None:
-            start = [(0.0, 0.0, 0.0)]
-            self._grip = Grip(self._engine, self.fingers[0], self._slide, tuple(grip[0]), start)
-            self._grip.restore(grip)
-
     def before_substep(self) -> None:
         """Prepare a substep; call it before the engine's."""
         # Where pads and object turn together, the engine may keep the normals that points had when
@@ -145,13 +79,30 @@ class Gripper:
             self._engine.forget_contacts(finger)
             self._renewed = True
         self._stale = []
-        if self._grip is not None:
-            self._grip.before_substep()
+        self._before = None
+        if (grip := self._grip) is not None and self._is_free(grip.thing):
+            self._before = self._where(grip)
+            self._at = self._engine.geometry.into(self._pose(self.fingers[0]), self._before)
 
     def after_substep(self, dt: float) -> None:
-        """Move what is held along the arc of the pads; dt: length of the substep [s]."""
-        if self._grip is not None:
-            self._grip.after_substep(dt)
+        """Move what is held from the tangent, along which the engine moves it, to the pads' arc.
+
+        On a circle it would go outwards by ω² r dt / 2 per second: by 2 mm in a swing of the arm at
+        a physics step dt of 4 ms [s], however strong the friction. Half of the pads' acceleration
+        that no joint's acceleration explains is the difference between their displacement and their
+        velocity at its end. Friction is not touched: what it does not hold slides.
+        """
+        if self._grip is None or self._before is None:
+            return
+        body = self._grip.thing[0]
+        pads = self._engine.motion(self.fingers[0])
+        after = self._engine.geometry.out_of(pads.frame, self._at)
+        arm = [a - b for a, b in zip(after, pads.centre, strict=True)]
+        velocity = [a + b for a, b in zip(pads.velocity, _cross(pads.spin, arm), strict=True)]
+        at, orientation = self._engine.centre(body)
+        rows = zip(at, after, self._before, velocity, strict=True)
+        x, y, z = (p - ((new - old) - v * dt) for p, new, old, v in rows)
+        self._engine.put_centre(body, ((x, y, z), orientation), keeps_velocity=True)
 
     def update(self) -> None:
         """Find out what is held; call it after every communication step.
@@ -176,7 +127,7 @@ class Gripper:
             self._grip = None
             if held:
                 points = [contact.on_one for side in sides for contact in side[held[0]]]
-                self._grip = Grip(self._engine, self.fingers[0], self._slide, held[0], points)
+                self._grip = self._gripped(held[0], points)
             self._pressed_along = axis
         elif _dot(axis, self._pressed_along) < _TURNED_COSINE:
             self._stale = [
@@ -195,12 +146,39 @@ class Gripper:
             width=self.width(),
             force=self._force,
             holding=grip is not None,
-            slip=0.0 if grip is None else grip.slip(),
+            slip=0.0 if grip is None else self._slip(grip),
         )
 
     def opening(self) -> Point:
         """Return the opening direction of the fingers in the world frame."""
         return self._engine.geometry.turned(self._engine.frame(self.fingers[0])[1], self._slide)
+
+    def _gripped(self, thing: Link, points: Sequence[Point]) -> Grip:
+        """Return the grip of a thing; points: of contact with both pads, in the world [m]."""
+        x, y, z = (sum(axis) / len(points) for axis in zip(*points, strict=True))
+        on_thing, on_finger = (
+            self._engine.geometry.into(self._pose(link), (x, y, z))
+            for link in (thing, self.fingers[0])
+        )
+        return Grip(thing, on_thing, on_finger)
+
+    def _is_free(self, thing: Link) -> bool:
+        return thing[1] == BASE and self._engine.mass(thing) > 0.0
+
+    def _pose(self, link: Link) -> Pose:
+        """Return the pose of a link; of the root of a body, that of its centre of mass."""
+        return self._engine.centre(link[0]) if link[1] == BASE else self._engine.frame(link)
+
+    def _where(self, grip: Grip) -> Point:
+        """Return where the point of the thing is that was first gripped [m]."""
+        return self._engine.geometry.out_of(self._pose(grip.thing), grip.on_thing)
+
+    def _slip(self, grip: Grip) -> float:
+        """Return how far what is held has slid along the pads [m]."""
+        now = self._engine.geometry.into(self._pose(self.fingers[0]), self._where(grip))
+        moved = [a - b for a, b in zip(now, grip.on_finger, strict=True)]
+        across = _dot(moved, self._slide)
+        return math.sqrt(max(sum(part * part for part in moved) - across * across, 0.0))
 
     def _pressing(self, finger: Link) -> dict[Link, list[Contact]]:
         """Return what a finger presses on, except its own body."""
@@ -230,26 +208,3 @@ def _dot(one: Sequence[float], other: Sequence[float]) -> float:
 
 def _cross(a: Sequence[float], b: Sequence[float]) -> Point:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-class GripperDriver(Commander):
-    """Executes the commands of one input to a gripper; a command holds until the next one."""
-
-    obeys_stop: ClassVar[bool] = False
-
-    def __init__(self, port: str, gripper: Gripper, motors: Motors) -> None:
-        super().__init__(port, [joint.name for joint in gripper.joints], motors)
-        self._gripper = gripper
-
-    def apply(self, command: Any) -> None:
-        """Execute a GripperCommand from now on."""
-        self.state.held = command
-
-    def before_step(self) -> None:
-        """Move both fingers towards the width, with no more than the commanded force."""
-        if (held := self.state.held) is None:
-            return
-        gap, speed = held.width - self._gripper.width(), self._gripper.speed
-        velocity = min(max(_GAIN * gap / 2, -speed), speed)
-        limits = [held.force] * 2
-        self.execute(JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=limits))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_plant.geometry import Array
+from stepbus_plant.memory import Remembers
 
 
 class Noise:
@@ -35,28 +36,28 @@ class Noise:
         return self._generator
 
 
-class Errors:
+class Errors(Remembers):
     """Adds noise and bias to readings of one quantity.
 
-    seed: of the plant. stream: names the quantity; each has random numbers of its own. noise:
-    standard deviation of each reading. bias: standard deviation of the offset, drawn once.
+    seed: of its random numbers. noise: standard deviation of each reading. bias: standard deviation
+    of the offset, drawn once, shape (count,).
     """
 
-    def __init__(self, seed: int, stream: str, noise: float, bias: float, count: int) -> None:
-        digest = hashlib.sha256(stream.encode()).digest()
-        keys = [int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4)]
-        self._random = np.random.Generator(np.random.PCG64([seed, *keys]))
+    def __init__(
+        self, seed: Sequence[int], noise: float, bias: float = 0.0, count: int = 0
+    ) -> None:
+        self._random = np.random.Generator(np.random.PCG64(seed))
         self._bias: Array = bias * self._random.standard_normal(count)
         self._is_biased = bool(self._bias.any())
         self._noise = noise
 
     def save(self) -> Any:
-        """Return how far the random numbers are, for a checkpoint."""
+        """Return how far the random numbers are."""
         state = self._random.bit_generator.state["state"]
         return str(state["state"]), str(state["inc"])
 
     def restore(self, saved: Any) -> None:
-        """Take what `save` returned."""
+        """Take a state from `save`."""
         random, (state, increment) = self._random.bit_generator, saved
         random.state = {**random.state, "state": {"state": int(state), "inc": int(increment)}}
 
@@ -68,3 +69,9 @@ class Errors:
         if self._noise:
             disturbed = disturbed + self._noise * self._random.standard_normal(len(disturbed))
         return disturbed
+
+
+def seed_of(seed: int, stream: str) -> list[int]:
+    """Return the seed of a stream of random numbers; seed: of the plant. stream: its name."""
+    digest = hashlib.sha256(stream.encode()).digest()
+    return [seed, *(int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4))]

@@ -18,13 +18,13 @@ from stepbus_participant import (
     warn,
 )
 from stepbus_plant.camera import TYPES
-from stepbus_plant.commander import Commander, DriverState
+from stepbus_plant.commander import Commander
 from stepbus_plant.devices import COMMANDS, STATES, period_problem
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.poses import PLANOGRAM, Planogram, PoseSensor
 from stepbus_plant.world_file import load_world
-from stepbus_schemas import Description, EmergencyStop, Event, Message, WiringError
+from stepbus_schemas import Description, Event, Message, WiringError
 
 _STOP = "EmergencyStop/1"
 _TYPES = {
@@ -39,16 +39,6 @@ _TYPES = {
     ),
 }
 _log = logging.getLogger("stepbus_plant")
-
-
-class _Saved(msgspec.Struct, forbid_unknown_fields=True):
-    """plant: its own state. drivers: by input. warnings, events: pending. stop: of emergency."""
-
-    plant: bytes
-    drivers: dict[str, DriverState]
-    warnings: list[str]
-    events: list[str]
-    stop: EmergencyStop
 
 
 class Plant(Participant):
@@ -215,18 +205,12 @@ class Plant(Participant):
         plant = self.plant.save()
         if plant is None:
             return None
-        drivers = {port: driver.state for port, driver in self._drivers.items()}
-        stop = self.plant.stop.state
-        return msgspec.msgpack.encode(_Saved(plant, drivers, self._warnings, self._events, stop))
+        return msgspec.msgpack.encode((plant, self._warnings, self._events))
 
     def restore(self, state: bytes) -> None:
-        """Take what `save` returned."""
-        saved = msgspec.msgpack.decode(state, type=_Saved)
-        self.plant.restore(saved.plant)
-        for port, driver in self._drivers.items():
-            driver.state = saved.drivers[port]
-        self._warnings, self._events = saved.warnings, saved.events
-        self.plant.stop.state = saved.stop
+        """Take a state from `save`."""
+        plant, self._warnings, self._events = msgspec.msgpack.decode(state)
+        self.plant.restore(plant)
 
     def calls(self) -> Mapping[str, Method]:
         """Return the calls that query joints and bodies between two steps, or change them."""

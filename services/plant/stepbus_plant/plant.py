@@ -2,18 +2,17 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import msgspec
 
 from stepbus_participant import Problems, format_duration
 from stepbus_plant.calls import Calls
-from stepbus_plant.commander import Commander
+from stepbus_plant.commander import Commander, StopSwitch
 from stepbus_plant.devices import SECTIONS, Devices, mistakes
 from stepbus_plant.drives import Motors
-from stepbus_plant.emergency import StopSwitch
 from stepbus_plant.joint import Joint
 from stepbus_plant.kinematic import NOTICE, Kinematics
+from stepbus_plant.memory import Remembers
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
 from stepbus_plant.script import Script, check_script
@@ -22,28 +21,7 @@ from stepbus_plant.world_file import World
 from stepbus_schemas import JointState, WiringError
 
 
-class _Saved(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
-    """The state of a plant. joints: positions and velocities, in the engine's order [rad, rad/s].
-
-    efforts: torques of the last step, of the sensed joints [N·m]. owners: joint → the input that
-    drives it. reported, pending: of the warnings. engine: its own state; None: it has none but the
-    joints'. devices, script: theirs, with such an engine only.
-    """
-
-    t_ns: int
-    joints: list[tuple[float, float]]
-    efforts: list[float]
-    drives: list[dict[str, Any]]
-    random: list[tuple[str, str]]
-    owners: dict[str, str]
-    reported: list[tuple[str, str]]
-    pending: list[str]
-    engine: bytes | None = None
-    devices: dict[str, Any] = {}
-    script: Any = None
-
-
-class SimulatedPlant:
+class SimulatedPlant(Remembers):
     """A simulated world that advances in steps of a fixed length.
 
     `params.joints` selects the joints to sense; the others behave the same. Until its first
@@ -57,6 +35,8 @@ class SimulatedPlant:
     simulation time [ns].
     Raises SettingsError when the world or a parameter is invalid, with all that is wrong.
     """
+
+    remembers, parts = ("t_ns",), ("joints", "devices", "stop", "script", "motors")
 
     def __init__(
         self,
@@ -87,7 +67,7 @@ class SimulatedPlant:
         self.names = [joint.name for joint in joints]
         self.devices = Devices(physics, params, period_ns, seed)
         self.stop = StopSwitch()
-        self.script = Script(params.script, physics, self.devices, self.stop)
+        self.script = Script(params.script, physics, self.devices.cameras, self.stop)
         self.motors = Motors(physics, step_ns, period_ns)
         self.warnings = self.motors.warnings
         self.calls = Calls(self.motors, self.script, lambda: self.t_ns)
@@ -149,29 +129,13 @@ class SimulatedPlant:
         solver remembers nothing of motors, gears and stops. So worlds of such bodies are saved, at
         steps without contact.
         """
+        cameras = self.devices.cameras.values()
+        is_busy = self.script.is_moving or any(camera.is_busy for camera in cameras)
         engine = self.physics.engine.save()
-        devices, script = self.devices.save(), self.script.save()
-        if self._kinematics is not None or devices is None or script is None:
+        if is_busy or self._kinematics or not (engine or self._is_only_joints()):
             return None
-        if engine is None and not self._is_only_joints():
-            return None
-        states = (
-            self.physics.engine.read(joint.body, [joint.index])[0]
-            for joint in self.physics.joints.values()
-        )
-        saved = _Saved(
-            t_ns=self.t_ns,
-            joints=[(position, velocity) for position, velocity, *_ in states],
-            efforts=self.joints.applied(),
-            drives=[drive.save() for drive in self.motors.drives],
-            random=self.joints.save(),
-            owners=self.motors.owners,
-            reported=sorted(self.warnings.reported),
-            pending=self.warnings.pending,
-        )
-        if engine is not None:
-            saved.engine, saved.devices, saved.script = engine, devices, script
-        return msgspec.msgpack.encode(saved)
+        states = [self.physics.state(joint) for joint in self.physics.joints.values()]
+        return msgspec.msgpack.encode((engine, states, self.joints.applied(), super().save()))
 
     def _is_only_joints(self) -> bool:
         """Return whether positions and velocities of joints are all that there is."""
@@ -183,21 +147,14 @@ class SimulatedPlant:
         )
 
     def restore(self, state: bytes) -> None:
-        """Take what `save` returned."""
-        saved = msgspec.msgpack.decode(state, type=_Saved)
-        self.t_ns, self.joints.efforts = saved.t_ns, saved.efforts
-        if saved.engine is None:
-            for joint, motion in zip(self.physics.joints.values(), saved.joints, strict=True):
+        """Take a state from `save`."""
+        engine, states, self.joints.efforts, saved = msgspec.msgpack.decode(state)
+        if engine is None:
+            for joint, motion in zip(self.physics.joints.values(), states, strict=True):
                 self.physics.engine.put_joint(joint.body, joint.index, *motion)
         else:
-            self.physics.engine.restore(saved.engine)
-            self.devices.restore(saved.devices)
-            self.script.restore(saved.script)
-        for drive, targets in zip(self.motors.drives, saved.drives, strict=True):
-            drive.restore(targets)
-        self.joints.restore(saved.random)
-        self.motors.owners = saved.owners
-        self.warnings.reported, self.warnings.pending = set(saved.reported), saved.pending
+            self.physics.engine.restore(engine)
+        super().restore(saved)
 
     def close(self) -> None:
         """Disconnect from the physics engine."""

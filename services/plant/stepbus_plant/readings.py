@@ -10,38 +10,20 @@ from typing import Any
 import numpy as np
 
 from stepbus_plant.geometry import Array, Geometry, Pose, rotation
-from stepbus_plant.noise import Errors
+from stepbus_plant.memory import Remembers
+from stepbus_plant.noise import Errors, seed_of
 from stepbus_plant.physics import Physics
 from stepbus_plant.world import WORLD, ImuSettings, LidarSettings, TransformSettings, WrenchSettings
 from stepbus_schemas import Description, Imu, LaserScan, Point, Quaternion, Transforms, Wrench
 
 
-class _Disturbed:
-    """A sensor whose readings have errors, which are all that it remembers, but for `_before`."""
-
-    _before: tuple[Array, int] | None = None
-
-    def _errors(self) -> list[Errors]:
-        return [value for value in vars(self).values() if isinstance(value, Errors)]
-
-    def save(self) -> Any:
-        """Return all that its next reading depends on, but for the world; for a checkpoint."""
-        before = None if self._before is None else (self._before[0].tolist(), self._before[1])
-        return [errors.save() for errors in self._errors()], before
-
-    def restore(self, saved: Any) -> None:
-        """Take what `save` returned."""
-        states, before = saved
-        for errors, state in zip(self._errors(), states, strict=True):
-            errors.restore(state)
-        self._before = None if before is None else (np.array(before[0]), before[1])
-
-
-class WrenchSensor(_Disturbed):
+class WrenchSensor(Remembers):
     """Measures what everything beyond a joint exerts on it, in the frame of the joint's child link.
 
     The engine reports the reaction in the frame of the child's centre of mass, and about it.
     """
+
+    parts = ("_force", "_torque")
 
     def __init__(self, stream: str, row: WrenchSettings, physics: Physics, seed: int) -> None:
         self._joint = physics.all_joints()[row.joint]
@@ -63,11 +45,13 @@ class WrenchSensor(_Disturbed):
         )
 
 
-class Lidar(_Disturbed):
+class Lidar(Remembers):
     """Casts rays in the x-y plane of a link, counter-clockwise from `angle_min` about z.
 
     A ray begins at `range_min`, so that it does not see the sensor's own housing.
     """
+
+    parts = ("_offset", "_noise")
 
     def __init__(self, stream: str, row: LidarSettings, physics: Physics, seed: int) -> None:
         self._row = row
@@ -77,8 +61,8 @@ class Lidar(_Disturbed):
         angles = row.angle_min + self._increment * np.arange(row.rays)
         self._directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(row.rays)], axis=1)
         # The rays of a unit have one offset, and noise of their own.
-        self._offset = Errors(seed, f"{stream}/bias", 0.0, row.bias, 1)
-        self._noise = Errors(seed, f"{stream}/ranges", row.noise, 0.0, row.rays)
+        self._offset = Errors(seed_of(seed, f"{stream}/bias"), 0.0, row.bias, 1)
+        self._noise = Errors(seed_of(seed, f"{stream}/ranges"), row.noise, 0.0, row.rays)
         self._engine.update_shapes()
         self.description = Description(names=[row.link], shape=[row.rays])
 
@@ -107,12 +91,15 @@ class Lidar(_Disturbed):
         return result
 
 
-class ImuSensor(_Disturbed):
+class ImuSensor(Remembers):
     """Measures angular velocity and specific force in the frame of a link.
 
     The specific force is the mean since the last reading, as of a unit that integrates: the change
     of velocity over that time, minus gravity. At the first reading, it is that of rest.
     """
+
+    remembers, parts = ("_before",), ("_gyro", "_accelerometer", "_compass")
+    _before: tuple[Point, int] | None = None
 
     def __init__(self, stream: str, row: ImuSettings, physics: Physics, seed: int) -> None:
         self._row = row
@@ -134,7 +121,7 @@ class ImuSensor(_Disturbed):
         if self._before is not None and t_ns > self._before[1]:
             before, then_ns = self._before
             acceleration = (velocity - before) / ((t_ns - then_ns) * 1e-9)
-        self._before = velocity, t_ns
+        self._before = _point(velocity), t_ns
         to_link = rotation(orientation).T
         measured_spin = self._gyro.disturb(to_link @ spin)
         force = self._accelerometer.disturb(to_link @ (acceleration - self._gravity))
@@ -146,8 +133,10 @@ class ImuSensor(_Disturbed):
         )
 
 
-class TransformSensor(_Disturbed):
+class TransformSensor(Remembers):
     """Measures where links are in the frame of another link, or of the world."""
+
+    parts = ("_position", "_orientation")
 
     def __init__(self, stream: str, row: TransformSettings, physics: Physics, seed: int) -> None:
         self._names = list(row.links)
@@ -185,7 +174,7 @@ class TransformSensor(_Disturbed):
 def _errors(seed: int, stream: str, row: Any, quantity: str, count: int = 3) -> Errors:
     """Return the errors of a quantity, as a row of the world file has them."""
     noise, bias = getattr(row.noise, quantity), getattr(row.bias, quantity)
-    return Errors(seed, f"{stream}/{quantity}", noise, bias, count)
+    return Errors(seed_of(seed, f"{stream}/{quantity}"), noise, bias, count)
 
 
 def _point(values: Array) -> Point:

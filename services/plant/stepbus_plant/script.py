@@ -1,14 +1,14 @@
 """What happens in a world, and when: by its script, or by a call."""
 
 import math
-from collections.abc import Collection, Sequence
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
 
 from stepbus_participant import Problems, format_duration, suggest
-from stepbus_plant.devices import Devices
-from stepbus_plant.emergency import StopSwitch
+from stepbus_plant.camera import Camera
+from stepbus_plant.commander import StopSwitch
 from stepbus_plant.engine import BASE, Contact, Engine, Goal, Link
 from stepbus_plant.geometry import Pose, quaternion
+from stepbus_plant.memory import Remembers
 from stepbus_plant.params import Action
 from stepbus_plant.physics import Physics
 from stepbus_schemas import Point
@@ -68,20 +68,27 @@ class MovingBody:
             self._engine.put(self._body, self._goal)
 
 
-class Script:
+class Script(Remembers):
     """The actions of a run; each is executed once, in order of time.
 
     actions: in which `check_script` finds no mistakes. jammed: joint → the position it has been
     jammed at [rad]. has_moved: whether a call has moved a body.
     """
 
+    remembers = ("_done", "jammed", "has_moved")
+
     def __init__(
-        self, actions: Sequence[Action], physics: Physics, devices: Devices, stop: StopSwitch
+        self,
+        actions: Sequence[Action],
+        physics: Physics,
+        cameras: Mapping[str, Camera],
+        stop: StopSwitch,
     ) -> None:
         self._physics = physics
-        self._devices = devices
+        self._cameras = cameras
         self._stop = stop
-        self._pending = sorted(actions, key=lambda action: action.at_ns)
+        self._actions = sorted(actions, key=lambda action: action.at_ns)
+        self._done = 0
         self._events: list[str] = []
         self.jammed: dict[str, float] = {}
         self._moving: dict[str, MovingBody] = {}
@@ -98,21 +105,19 @@ class Script:
         self._report_blows(t_ns)
         if self._moving:
             self._wake_all()
-        while self._pending and self._pending[0].at_ns <= t_ns:
-            action = self._pending.pop(0)
+        for action in self._actions[self._done :]:
+            if action.at_ns > t_ns:
+                break
+            self._done += 1
             if action.emergency_stop is not None:
                 self._stop.set(t_ns, "the script", self.record, active=action.emergency_stop)
             else:
                 self.record(t_ns, self._execute(action))
 
-    def save(self) -> Any:
-        """Return what is still to come, for a checkpoint; None while bodies move."""
-        return None if self._moving else (len(self._pending), self.jammed, self.has_moved)
-
-    def restore(self, saved: Any) -> None:
-        """Take what `save` returned."""
-        count, self.jammed, self.has_moved = saved
-        self._pending = self._pending[len(self._pending) - count :]
+    @property
+    def is_moving(self) -> bool:
+        """Return whether bodies move, which is not saved."""
+        return bool(self._moving)
 
     def record(self, t_ns: int, text: str) -> None:
         """Add what has happened at a time [ns]."""
@@ -134,7 +139,7 @@ class Script:
             position = self.jammed.setdefault(joint.name, self._physics.state(joint)[0])
             return f"joint {joint.name} jammed at {position:.6g} {joint.unit}"
         off = action.off is not False
-        self._devices.switch_camera(str(action.camera), on=not off)
+        self._cameras[str(action.camera)].is_on = not off
         return f"camera {action.camera} was switched {'off' if off else 'on'}"
 
     def _move_body(self, name: str, position: Point, rpy: Point | None) -> str:

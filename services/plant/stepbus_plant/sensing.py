@@ -9,6 +9,8 @@ import numpy as np
 from stepbus_plant.drives import DirectTorque, Motors, PositionMotor
 from stepbus_plant.engine import PhysicsError
 from stepbus_plant.joint import Joint, describe_joints
+from stepbus_plant.memory import Remembers
+from stepbus_plant.noise import Errors
 from stepbus_plant.params import Params
 from stepbus_schemas import JointState
 
@@ -16,7 +18,7 @@ Values = list[float]
 """One number per sensed joint."""
 
 
-class JointSensor:
+class JointSensor(Remembers):
     """Reads the states of joints.
 
     joints: sensed joints, in order. details: added to the description. seed: of the noise; each
@@ -24,6 +26,8 @@ class JointSensor:
     another. efforts: torques of the latest step [N·m] after a restart from a checkpoint, which the
     engine does not know then; else empty.
     """
+
+    parts = ("_errors",)
 
     def __init__(
         self,
@@ -36,12 +40,13 @@ class JointSensor:
         self.joints = list(joints)
         self.efforts: Values = []
         self._engine = motors.physics.engine
-        self._random = [np.random.PCG64([seed, number]) for number in range(3)]
+        self._errors = {
+            quantity: Errors([seed, number], getattr(params.noise, quantity))
+            for number, quantity in enumerate(("position", "velocity", "effort"))
+        }
         self._measure = {
-            quantity: _measurement(params, quantity, np.random.Generator(random))
-            for quantity, random in zip(
-                ("position", "velocity", "effort"), self._random, strict=True
-            )
+            quantity: _measurement(params, quantity, errors)
+            for quantity, errors in self._errors.items()
         }
         # What every step reads: one call per body, and where its results go.
         groups: dict[int, list[Joint]] = {}
@@ -103,28 +108,16 @@ class JointSensor:
                 "physics_step or smaller gains"
             )
 
-    def save(self) -> list[tuple[str, str]]:
-        """Return how far each random stream is, for a checkpoint."""
-        states = [random.state["state"] for random in self._random]
-        return [(str(state["state"]), str(state["inc"])) for state in states]
-
-    def restore(self, saved: Sequence[tuple[str, str]]) -> None:
-        """Take what `save` returned."""
-        for random, (state, increment) in zip(self._random, saved, strict=True):
-            random.state = {**random.state, "state": {"state": int(state), "inc": int(increment)}}
-
 
 def _measurement(
-    params: Params, quantity: str, random: np.random.Generator
+    params: Params, quantity: str, errors: Errors
 ) -> Callable[[Values], Values | None]:
     """Return the function from true to sensed values of one quantity."""
     noise: float = getattr(params.noise, quantity)
     resolution: float | None = getattr(params.resolution, quantity)
 
     def disturbed(values: Values) -> Values:
-        sensed = np.asarray(values)
-        if noise:
-            sensed = sensed + noise * random.standard_normal(len(values))
+        sensed = errors.disturb(values)
         if resolution is not None:
             sensed = resolution * np.round(sensed / resolution)
         disturbed: Values = sensed.tolist()

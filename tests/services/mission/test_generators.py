@@ -1,10 +1,8 @@
 """Reference generators: what they pass through, and that their derivatives are exact."""
 
-import math
-
 import numpy as np
 import pytest
-from support.services.control import SINE, make_mission, mission_config
+from support.services.control import make_mission, mission_config
 
 from stepbus_schemas import JointReference
 
@@ -36,13 +34,6 @@ def test_velocity_and_acceleration_are_exact(task: str, t: float) -> None:
     curvature = np.subtract(after.velocity, before.velocity) / (2 * H)
     assert now.velocity == pytest.approx(slope, abs=1e-6)
     assert now.acceleration == pytest.approx(curvature, abs=1e-6)
-
-
-def test_the_sine_of_two_link_is_sin_t_and_cos_t() -> None:
-    reference = make_mission(mission_config(**SINE)).update(200)["reference"]
-    assert reference.position == pytest.approx([math.sin(1.0), math.cos(1.0)], abs=1e-15)
-    assert reference.velocity == pytest.approx([math.cos(1.0), -math.sin(1.0)], abs=1e-15)
-    assert reference.acceleration == pytest.approx([-math.sin(1.0), -math.cos(1.0)], abs=1e-15)
 
 
 def test_a_step_change_happens_at_its_time() -> None:

@@ -55,12 +55,6 @@ def test_commands_are_mapped_by_the_senders_names():
     assert stand.participant.plant.sense().effort == [1.0, 2.0]
 
 
-def test_an_absent_command_leaves_the_joints_alone():
-    stand = started()
-    stand.update(0)
-    assert stand.participant.plant.sense().effort == [0.0, 0.0]
-
-
 def test_a_plant_that_fires_every_second_step_advances_by_two():
     slow, fast = started(every=2), started()
     slow.update(0, command=torque(1.0, 1.0))

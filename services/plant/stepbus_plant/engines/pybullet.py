@@ -6,9 +6,11 @@ loaded.
 """
 
 import math
+import os
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +36,9 @@ from stepbus_plant.engine import (
     PhysicsError,
     Values,
 )
-from stepbus_plant.engines.bullet import BulletGeometry, bullet
 from stepbus_plant.geometry import Array, Geometry, Pose
 from stepbus_plant.meshes import binary_stl, is_text_stl
-from stepbus_schemas import Point, WiringError
+from stepbus_schemas import Point, Quaternion, WiringError
 
 # What the engine gives a moving link: collision group, and groups that it collides with.
 _GROUP, _ALL_GROUPS = 1, -1
@@ -46,6 +47,43 @@ _NOTHING = 1.0 - 1e-7
 """Depth from which on there is nothing: TinyRenderer rounds its 1 in single precision."""
 _MOST_JOINTS = 127
 _READS = (".stl", ".obj", ".dae")
+
+
+def _import_pybullet() -> Any:
+    """Import PyBullet without its greeting on stderr, in C: the date on which it was built.
+
+    In a log, it would be the last thing a plant said.
+    """
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        return import_module("pybullet")
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+bullet = _import_pybullet()
+
+
+class BulletGeometry(Geometry):
+    """PyBullet's own geometry, in single precision."""
+
+    def compose(self, one: Pose, other: Pose) -> Pose:
+        """See `Geometry`."""
+        pose: Pose = bullet.multiplyTransforms(*one, *other)
+        return pose
+
+    def inverse(self, pose: Pose) -> Pose:
+        """See `Geometry`."""
+        inverted: Pose = bullet.invertTransform(*pose)
+        return inverted
+
+    def turned(self, orientation: Quaternion, direction: Point) -> Point:
+        """See `Geometry`."""
+        in_world: Point = bullet.rotateVector(orientation, direction)
+        return in_world
 
 
 class BulletEngine(Engine):

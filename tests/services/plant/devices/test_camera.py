@@ -150,12 +150,6 @@ def test_a_request_to_a_camera_that_is_off_is_lost(tmp_path):
     assert [step for step, row in enumerate(rows) if "rgb" in row] == [1, 5, 6, 7]
 
 
-def test_a_camera_that_waits_for_requests_has_no_period(tmp_path):
-    write_scene(tmp_path)
-    told = make_plant(tmp_path, IMAGES, TRIGGER).describe()
-    assert told["depth"].details == {"link": ["lens"]}
-
-
 def test_a_camera_without_a_period_takes_an_image_at_each_step(tmp_path):
     write_scene(tmp_path, WORLD.replace("period: 10ms, ", ""))
     assert steps_with_images(make_plant(tmp_path, IMAGES), "depth", 3) == [0, 1, 2]

@@ -9,9 +9,9 @@ from support.services.devices import box, link, make_stand, write_gripper
 
 from stepbus_participant import Problems
 from stepbus_plant.engine import Light
+from stepbus_plant.geometry import projection_matrix, view_matrix
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
-from stepbus_plant.viewpoint import projection_matrix, view_matrix
 from stepbus_plant.world_file import load_world
 from stepbus_schemas import GripperCommand, JointCommand, WiringError
 

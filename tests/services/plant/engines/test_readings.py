@@ -85,24 +85,6 @@ def test_a_body_that_is_moved_is_there_and_at_rest(tmp_path, engine):
     assert fallen == pytest.approx(G * STEP**2 * n * (n + 1) / 2, rel=1e-6)
 
 
-def test_a_state_that_is_saved_goes_on_to_the_bit(tmp_path, engine):
-    bodies = {"ground": fixed(FLOOR)} | {
-        name: Row(box(name, 1.0, 0.1, 0.1, 0.1), f"position: [{x}, 0, {z}]")
-        for name, x, z in (("low", 0.0, 0.05), ("high", 0.03, 0.3))
-    }
-    first = advance(make(tmp_path, engine, bodies), 250)
-    saved = first.physics.engine.save()
-    if saved is None:
-        pytest.skip(f"{engine} saves no state")
-    other = make(tmp_path, engine, bodies)
-    other.physics.engine.restore(saved)
-    ends = [
-        [plant.physics.engine.motion((body, BASE)) for body in (1, 2)]
-        for plant in (advance(first, 200), advance(other, 200))
-    ]
-    assert ends[0] == ends[1]
-
-
 def test_an_image_has_the_depth_of_what_it_shows(tmp_path, engine):
     needs_opengl(engine)
     """A camera looks along x at a wall 1 m away, whose upper edge is at the height of the camera."""

@@ -25,7 +25,7 @@ from support.tools import needs_opengl
 
 from stepbus_kinematics import RobotModel
 from stepbus_plant.engine import BASE, Light
-from stepbus_plant.viewpoint import projection_matrix, view_matrix
+from stepbus_plant.geometry import projection_matrix, view_matrix
 from stepbus_schemas import WiringError
 
 LEVER = 0.3

@@ -59,13 +59,3 @@ def test_a_joint_that_was_never_commanded_holds_where_it_is(tmp_path, mode):
     for _ in range(100):
         plant.advance()
     assert plant.sense().position == pytest.approx([0.2, 0.2], abs=2e-3)
-
-
-def test_a_command_holds_until_the_next(tmp_path):
-    plant = wheel(tmp_path)
-    commander = plant.commander("command", plant.names)
-    for value in (4.0, 0.0):
-        commander.apply(JointCommand(mode="torque", values=[value]))
-        for _ in range(10):
-            plant.advance()
-    assert plant.sense().velocity == pytest.approx([4.0 / 0.5 * 0.01])

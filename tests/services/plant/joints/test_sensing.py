@@ -39,12 +39,6 @@ def test_noise_on_one_quantity_does_not_change_that_on_another(tmp_path):
     assert digest(first) == digest(second)
 
 
-def test_quantities_do_not_share_their_noise(tmp_path):
-    plant = make_plant(tmp_path, **read({"noise": {"position": 1, "velocity": 1}}))
-    state = plant.sense()
-    assert state.position != state.velocity
-
-
 def test_noise_does_not_reach_the_physics(tmp_path):
     quiet = swing(make_plant(tmp_path), 200)
     noisy = swing(make_plant(tmp_path, **read({"noise": {"position": 0.1}})), 200)

@@ -5,7 +5,6 @@ from support.services.plant import LIMIT, make_plant
 
 from stepbus_models import read_robot
 from stepbus_participant import Endpoint, Ticket
-from stepbus_plant.engine import BASE
 from stepbus_plant.engines.pybullet import written
 from stepbus_schemas import JointCommand, WiringError
 
@@ -57,12 +56,6 @@ def test_an_srdf_that_is_no_xml_is_refused(tmp_path):
         make_plant(tmp_path, "  c: {urdf: chain.urdf, srdf: chain.srdf}\n")
 
 
-def test_a_link_without_an_inertial_weighs_next_to_nothing_and_gives_no_warning(tmp_path, capfd):
-    plant = plant_of(tmp_path)
-    mass = plant.physics.engine.mass((0, BASE))
-    assert (mass <= 1e-6, "inertial" in capfd.readouterr().out) == (True, False)
-
-
 def test_a_joint_that_moves_only_what_has_no_mass_moves_it_with_every_engine(tmp_path):
     nothing = '<mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
     text = CHAIN.replace(INERTIAL + BOX, f"<inertial>{nothing}</inertial>")
@@ -88,16 +81,6 @@ def test_pybullet_refuses_more_joints_than_it_has_room_for_in_one_sentence(tmp_p
     sentence = r"long\.urdf: has 128 joints, .*takes 127; use `engine: mujoco`"
     with pytest.raises(WiringError, match=sentence):
         make_plant(tmp_path, "  c: {urdf: long.urdf, fixed_base: true}\nengine: pybullet\n")
-
-
-def test_meshes_beside_a_urdf_are_found_from_its_copy(tmp_path):
-    path = tmp_path / "half.urdf"
-    mesh = '<collision><geometry><mesh filename="part.obj"/></geometry></collision>'
-    (tmp_path / "part.obj").touch()
-    path.write_text(f'<robot name="half"><link name="only">{mesh}</link></robot>')
-    with written(read_robot(path)) as copy:
-        assert f'"{tmp_path / "part.obj"}"' in copy.read_text()
-    assert not copy.exists()
 
 
 def test_the_copy_of_a_model_is_in_the_private_folder_of_the_run(tmp_path, monkeypatch):

@@ -185,25 +185,6 @@ def test_without_a_port_for_events_the_log_tells_what_happened(tmp_path, caplog)
     assert "at 0 s: joint axle jammed at 0 rad" in caplog.text
 
 
-def test_a_run_with_a_script_repeats_to_the_byte(tmp_path):
-    script = [
-        {"at": "20ms", "body": "crate", "position": [0, 0, 0.1], "orientation_rpy": [0.1, 0, 0]},
-        {"at": "40ms", "jam": "axle"},
-        {"at": "60ms", "body": "crate", "to": [0.2, 0, 0.2], "over": "50ms"},
-    ]
-    free = WORLD.replace("0.05], fixed_base: true", "0.05]")
-    command = JointCommand(mode="velocity", values=[5.0])
-    first, second = (
-        run(
-            make_stand(tmp_path, *script, world=free, outputs={**OUTPUTS, **IMAGES}),
-            30,
-            command=command,
-        )
-        for _ in range(2)
-    )
-    assert first == second
-
-
 UNKNOWN = [
     (
         {"body": "crat", "position": [0, 0, 0]},

@@ -7,6 +7,6 @@ import os
 with contextlib.ExitStack() as after:
     if (renderer := os.environ.pop("MUJOCO_GL", None)) is not None:
         after.callback(os.environ.__setitem__, "MUJOCO_GL", renderer)
-    from stepbus_plant.engines.mujoco.engine import MujocoEngine
+    from stepbus_plant.engines.mujoco.mujoco_engine import MujocoEngine
 
 ENGINE = MujocoEngine

@@ -45,7 +45,11 @@ class Painter:
             # What is freed are numbers of the current context: it may be another painter's.
             self._closing.callback(self._gl.make_current)
         except (AttributeError, ImportError, OSError, RuntimeError, mujoco.FatalError) as exc:
-            raise _cannot(kind, str(exc)) from exc
+            raise WiringError(
+                f"engine mujoco cannot render images with MUJOCO_GL={kind}: {exc}; on Debian and "
+                "Ubuntu install libegl1 and libgl1-mesa-dri for egl, or libosmesa6 for osmesa, or "
+                "set `cameras: false`"
+            ) from exc
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZERONEAR
         self._scene = mujoco.MjvScene(model, maxgeom=_MOST_GEOMS)
@@ -53,7 +57,10 @@ class Painter:
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 0
         self._option.geomgroup[[BOTH, SEEN]] = 1
-        self.renderer = _describe()
+        from OpenGL import GL  # noqa: PLC0415  it chooses its platform when it is loaded
+
+        drawn = GL.glGetString(GL.GL_RENDERER).decode(errors="replace")
+        self.renderer = f"mujoco {installed_version('mujoco')}, {drawn}"
 
     def close(self) -> None:
         """Let go of the display."""
@@ -124,19 +131,3 @@ class Painter:
             lamp.ambient = is_ambient * light.ambient * _WHITE
             lamp.diffuse = (not is_ambient) * light.diffuse * _WHITE
             lamp.specular = (not is_ambient) * light.specular * _WHITE
-
-
-def _cannot(kind: str, why: str) -> WiringError:
-    return WiringError(
-        f"engine mujoco cannot render images with MUJOCO_GL={kind}: {why}; on Debian and Ubuntu "
-        "install libegl1 and libgl1-mesa-dri for egl, or libosmesa6 for osmesa, or set "
-        "`cameras: false`"
-    )
-
-
-def _describe() -> str:
-    """Return what draws, with its version."""
-    from OpenGL import GL  # noqa: PLC0415  it chooses its platform when it is loaded
-
-    drawn = GL.glGetString(GL.GL_RENDERER).decode(errors="replace")
-    return f"mujoco {installed_version('mujoco')}, {drawn}"

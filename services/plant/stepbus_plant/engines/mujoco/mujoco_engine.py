@@ -1,7 +1,9 @@
-"""A compiled model and its state: substeps, joints, poses."""
+"""The engine MuJoCo: bodies, joints, motors and poses of a compiled model."""
 
 import logging
+import math
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any
 
 import msgspec
@@ -9,27 +11,38 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_models import RobotDescription
 from stepbus_models.mjcf import one_line
 from stepbus_plant.engine import (
+    ANY_BODY,
+    ANY_LINK,
     BASE,
     REST,
     Contact,
     Engine,
+    Gear,
     Goal,
     Indices,
+    Light,
     Link,
+    Loading,
     Motion,
     PhysicsError,
     Values,
 )
-from stepbus_plant.engines.mujoco.model import Body
-from stepbus_plant.engines.mujoco.motors import Motors, motor_of
+from stepbus_plant.engines.mujoco.image import Painter
+from stepbus_plant.engines.mujoco.model import Body, add, rigid
+from stepbus_plant.engines.mujoco.motors import Motors, add_motor, motor_of
+from stepbus_plant.engines.mujoco.shapes import Shapes, point
 from stepbus_plant.geometry import Array, Geometry, Pose, rotation
-from stepbus_schemas import Point
+from stepbus_schemas import Point, WiringError
 
 # By default MuJoCo writes them into a file in the current folder.
 mujoco.set_mju_user_warning(logging.getLogger("stepbus_plant").warning)
 
+_FRICTION_RATIO = 10.0
+_LEAST_RANGE = 1e-9
+"""MuJoCo has no joint that is locked by its stops [rad]."""
 _INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION
 _RESTS = np.zeros(3), np.zeros(3)
 _Numbers = NDArray[np.int64]
@@ -46,20 +59,33 @@ class _State(msgspec.Struct):
     contacts: list[Contact]
 
 
-class World(Engine):
-    """The part of an `Engine` that moves bodies, once they are loaded.
+class MujocoEngine(Engine):
+    """A world in MuJoCo, see `Engine`.
 
-    spec: of its model. dt: length of a substep [s]. The model is compiled when something first
-    needs it; bodies, exceptions from collisions and gears come before.
+    The model is compiled when something first needs it; bodies, exceptions from collisions and
+    gears come before.
     """
 
-    def __init__(self, spec: Any, dt: float) -> None:
+    name = "mujoco"
+    _motors: Motors
+    _shapes: Shapes
+
+    def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry = Geometry()
-        self._spec, self._dt = spec, dt
+        self._spec, self._dt = mujoco.MjSpec(), step_s
+        option = self._spec.option
+        option.timestep, option.gravity = step_s, gravity
+        option.iterations = solver_iterations
+        # What MuJoCo recommends for grippers: otherwise what is held or lies aslant creeps.
+        option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _FRICTION_RATIO
+        # Otherwise MuJoCo begins anew where a state has diverged. Rows of islands are copies.
+        disabled = mujoco.mjtDisableBit
+        option.disableflags |= disabled.mjDSBL_AUTORESET | disabled.mjDSBL_ISLAND
+        self._spec.compiler.degree = False
         self._bodies: list[Body] = []
         self._is_seen = False
         self._compiled: tuple[Any, Any] | None = None
-        self._motors: Any = None
+        self._painter: Painter | None = None
         self._id: dict[Link, int] = {}
         self._reactions: dict[Link, tuple[Array, Array]] = {}
         self._contacts: list[Contact] | None = None
@@ -83,6 +109,7 @@ class World(Engine):
             for n in range(BASE, len(body.rows) - 1)
         }
         self._motors = Motors(model, self._dt)
+        self._shapes = Shapes(model, data, self._id)
         return model, data
 
     def step(self) -> None:
@@ -105,6 +132,12 @@ class World(Engine):
             turn = data.xmat[body].reshape(3, 3)
             self._reactions[link] = turn.T @ force, turn.T @ moved
 
+    def close(self) -> None:
+        """See `Engine`."""
+        if self._painter is not None:
+            self._painter.close()
+            self._painter = None
+
     # --- state ----------------------------------------------------------------------------
 
     def save(self) -> bytes:
@@ -126,6 +159,49 @@ class World(Engine):
         mujoco.mj_setState(model, data, np.array(saved.physics), _INTEGRATION)
         self._reactions = {link: (np.array(f), np.array(t)) for link, f, t in saved.reactions}
         self._contacts, self._is_seen = saved.contacts, False
+
+    # --- bodies ---------------------------------------------------------------------------
+
+    def load(self, robot: RobotDescription, pose: Pose, options: Loading) -> int:
+        """See `Engine`; cylinders are always exact. An MJCF says itself what collides."""
+        number = len(self._bodies)
+        try:
+            body = add(self._spec, robot, number, pose, options)
+        except WiringError:
+            raise
+        except (ValueError, mujoco.FatalError) as exc:
+            raise PhysicsError(f"MuJoCo cannot read it: {one_line(exc)}") from exc
+        self._bodies.append(body)
+        for index, joint in enumerate(self.joints(number)):
+            if robot.joints[joint].moves:
+                add_motor(self._spec, body.joint_name(index), self._dt)
+        if robot.format == "urdf" and not options.collides_with_itself:
+            for pair in combinations(filter(self.is_solid, self.links(number).values()), 2):
+                self.let_through(*pair)
+        return number
+
+    def notes(self, body: int) -> list[str]:
+        """See `Engine`."""
+        return self._bodies[body].notes
+
+    def joints(self, body: int) -> list[str]:
+        """See `Engine`."""
+        return [joint for _, joint in self._bodies[body].rows[1:]]
+
+    def links(self, body: int) -> dict[str, Link]:
+        """See `Engine`; the number of a link is that of the last joint before it."""
+        rows = self._bodies[body].rows
+        return {name.strip(): (body, n + BASE) for n, (name, _) in enumerate(rows)}
+
+    def is_solid(self, link: Link) -> bool:
+        """See `Engine`."""
+        body, index = link
+        return self._bodies[body].rows[index - BASE][0] in self._bodies[body].solid
+
+    def let_through(self, one: Link, other: Link) -> None:
+        """See `Engine`."""
+        first, second = (self._bodies[body].body_name(link) for body, link in (one, other))
+        self._spec.add_exclude(bodyname1=first, bodyname2=second)
 
     # --- joints ---------------------------------------------------------------------------
 
@@ -160,6 +236,30 @@ class World(Engine):
         _, data = self._now()
         data.qpos[places], data.qvel[dofs] = position, velocity
         self._is_seen = False
+
+    def set_joint(
+        self, body: int, index: int, *, damping: float, lower: float, upper: float
+    ) -> None:
+        """See `Engine`; damping is implicit, and so always stable."""
+        model, _ = self._now()
+        joint = model.joint(self._bodies[body].joint_name(index))
+        if damping != joint.damping[0]:
+            joint.damping, model.dof_dampingpoly[joint.dofadr] = damping, 0.0
+        joint.limited = math.isfinite(lower) and math.isfinite(upper)
+        if joint.limited:
+            joint.range = lower, max(upper, lower + _LEAST_RANGE)
+
+    def couple(self, body: int, follower: int, leader: int, gear: Gear) -> None:
+        """See `Engine`; as stiff as can be and without a limit, whatever the gear says."""
+        name_of = self._bodies[body].joint_name
+        self._spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=name_of(follower),
+            name2=name_of(leader),
+            data=[gear.offset, gear.multiplier, *[0.0] * 10],
+            solref=rigid(self._dt),
+        )
 
     def push(self, body: int, indices: Indices, torques: Values) -> None:
         """See `Engine`."""
@@ -246,8 +346,75 @@ class World(Engine):
         frame = self.geometry.compose(pose, self.geometry.inverse(self.inertial((body, BASE))))
         (self._place if keeps_velocity else self.put)(body, frame)
 
+    # --- contacts, rays, images -----------------------------------------------------------
 
-def point(values: Array) -> Point:
-    """Return three numbers of an array."""
-    x, y, z = values.tolist()
-    return x, y, z
+    def update_shapes(self) -> None:
+        """See `Engine`; these contacts have no forces."""
+        mujoco.mj_collision(*self._looked())
+        self._contacts = self._shapes.contacts(has_forces=False)
+
+    def contacts(
+        self, body: int = ANY_BODY, link: int = ANY_LINK, *, are_pressed: bool = False
+    ) -> list[Contact]:
+        """See `Engine`."""
+        self._now()
+        if self._contacts is None:
+            self._contacts = self._shapes.contacts(has_forces=True)
+        found = [row for row in self._contacts if row.force > 0.0 or not are_pressed]
+        if body == ANY_BODY:
+            return found
+        first = (_with_first(contact, body, link) for contact in found)
+        return [contact for contact in first if contact is not None]
+
+    def closest(self, link: Link, within: float) -> list[Contact]:
+        """See `Engine`."""
+        self._looked()
+        return self._shapes.closest(link, within)
+
+    def box(self, link: Link) -> tuple[Point, Point]:
+        """See `Engine`."""
+        centre = self.motion(link).centre
+        return self._shapes.box(link) or (centre, centre)
+
+    def cast(self, starts: Array, ends: Array) -> Array:
+        """See `Engine`."""
+        self._looked()
+        return self._shapes.cast(starts, ends)
+
+    def renderer(self) -> str:
+        """See `Engine`."""
+        return self._paint().renderer
+
+    def image(
+        self, size: tuple[int, int], view: Array, projection: Array, light: Light
+    ) -> tuple[NDArray[np.uint8], Array]:
+        """See `Engine`."""
+        self._looked()
+        return self._paint(*size).image(size, view, projection, light)
+
+    def _paint(self, width: int = 640, height: int = 480) -> Painter:
+        painter = self._painter
+        if painter is None or width > painter.width or height > painter.height:
+            self.close()
+            self._painter = painter = Painter(*self._now(), width, height)
+        return painter
+
+
+def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
+    """Return a contact of a body, or of its link, as that link has it; None: it has no part."""
+
+    def has(touching: Link) -> bool:
+        return touching[0] == body and link in (ANY_LINK, touching[1])
+
+    if has(contact.one):
+        return contact
+    if not has(contact.other):
+        return None
+    x, y, z = contact.normal
+    return contact._replace(
+        one=contact.other,
+        other=contact.one,
+        on_one=contact.on_other,
+        on_other=contact.on_one,
+        normal=(-x, -y, -z),
+    )

@@ -1,56 +1,37 @@
 """What touches, what is near, and what rays hit."""
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from stepbus_plant.engine import ANY_BODY, ANY_LINK, Contact, Link
+from stepbus_plant.engine import Contact, Link
 from stepbus_plant.engines.mujoco.model import BOTH, SOLID
-from stepbus_plant.engines.mujoco.world import World, point
 from stepbus_plant.geometry import Array
 from stepbus_schemas import Point
 
 _SOLID = np.array([n in (BOTH, SOLID) for n in range(6)], dtype=np.uint8)
 
 
-class Space(World):
-    """The part of an `Engine` that is about the collision shapes of its bodies."""
+class Shapes:
+    """The collision shapes of a compiled model, where its data has them; numbers: of its links."""
 
-    def _compile(self) -> tuple[Any, Any]:
-        model, data = super()._compile()
+    def __init__(self, model: Any, data: Any, numbers: Mapping[Link, int]) -> None:
+        self._model, self._data = model, data
         # A link with several joints has more than one number, of which contacts have the last.
-        links = {number: link for link, number in self._id.items()}
+        links = {number: link for link, number in numbers.items()}
         shapes = [n for n in range(model.ngeom) if _SOLID[model.geom_group[n]]]
         self._link_of = [links.get(int(body), (-1, -1)) for body in model.geom_bodyid]
         self._shapes = np.array(shapes, dtype=np.int64)
         self._geoms: dict[Link, list[int]] = {}
         for n in shapes:
             self._geoms.setdefault(self._link_of[n], []).append(n)
-        return model, data
 
-    def update_shapes(self) -> None:
-        """See `Engine`; these contacts have no forces."""
-        mujoco.mj_collision(*self._looked())
-        self._contacts = self._found(has_forces=False)
-
-    def contacts(
-        self, body: int = ANY_BODY, link: int = ANY_LINK, *, are_pressed: bool = False
-    ) -> list[Contact]:
-        """See `Engine`."""
-        self._now()
-        if self._contacts is None:
-            self._contacts = self._found(has_forces=True)
-        found = [row for row in self._contacts if row.force > 0.0 or not are_pressed]
-        if body == ANY_BODY:
-            return found
-        first = (_with_first(contact, body, link) for contact in found)
-        return [contact for contact in first if contact is not None]
-
-    def _found(self, *, has_forces: bool) -> list[Contact]:
+    def contacts(self, *, has_forces: bool) -> list[Contact]:
         """Return the contacts that MuJoCo has found."""
-        model, data = self._now()
+        model, data = self._model, self._data
         found, link = data.contact, self._link_of
         # The first axis of a frame points from the first shape to the second one.
         normals = found.frame[:, :3]
@@ -65,15 +46,17 @@ class Space(World):
         return [Contact(*pair, *row) for pair, *row in zip(links, *vectors, *numbers, strict=True)]
 
     def closest(self, link: Link, within: float) -> list[Contact]:
-        """See `Engine`."""
-        (model, data), (low, high), found = self._looked(), self._boxes(), []
+        """Return the nearest points of a link and of others, as of `Engine`."""
+        (low, high), found = self._boxes(), []
         for n in np.flatnonzero(np.isin(self._shapes, self._geoms.get(link, ()))):
             near = ((low - within <= high[n]) & (high + within >= low[n])).all(axis=1)
             for geom in self._shapes[near].tolist():
                 ends, other = np.zeros(6), self._link_of[geom]
                 if other[0] == link[0]:
                     continue
-                distance = mujoco.mj_geomDistance(model, data, self._shapes[n], geom, within, ends)
+                distance = mujoco.mj_geomDistance(
+                    self._model, self._data, self._shapes[n], geom, within, ends
+                )
                 if distance < within:
                     on_one, on_other = ends[:3], ends[3:]
                     gap = on_one - on_other
@@ -83,12 +66,11 @@ class Space(World):
                     found.append(Contact(link, other, *points, float(distance), 0.0))
         return sorted(found, key=lambda contact: contact.other)
 
-    def box(self, link: Link) -> tuple[Point, Point]:
-        """See `Engine`."""
+    def box(self, link: Link) -> tuple[Point, Point] | None:
+        """Return the corners of the box around the shapes of a link [m]; None: it has none."""
         own = np.isin(self._shapes, self._geoms.get(link, ()))
         if not own.any():
-            centre = self.motion(link).centre
-            return centre, centre
+            return None
         low, high = self._boxes()
         return point(low[own].min(axis=0)), point(high[own].max(axis=0))
 
@@ -97,7 +79,7 @@ class Space(World):
 
         That of a mesh lies along the axes of its inertia, and is too large where these turn.
         """
-        (model, data), shapes = self._looked(), self._shapes
+        model, data, shapes = self._model, self._data, self._shapes
         turns = data.geom_xmat[shapes].reshape(-1, 3, 3)
         centres = data.geom_xpos[shapes] + np.einsum(
             "nij,nj->ni", turns, model.geom_aabb[shapes, :3]
@@ -108,33 +90,19 @@ class Space(World):
         return low, high
 
     def cast(self, starts: Array, ends: Array) -> Array:
-        """See `Engine`."""
-        (model, data), hit = self._looked(), np.zeros(1, dtype=np.int32)
+        """Return how far along each ray the first hit is, as of `Engine`."""
+        hit = np.zeros(1, dtype=np.int32)
         shares = np.empty(len(starts))
         for n, (start, along) in enumerate(zip(starts, ends - starts, strict=True)):
-            share = mujoco.mj_ray(model, data, start, along, _SOLID, True, -1, hit)
+            share = mujoco.mj_ray(self._model, self._data, start, along, _SOLID, True, -1, hit)
             shares[n] = share if 0.0 <= share <= 1.0 else math.inf
         return shares
 
 
-def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
-    """Return a contact of a body, or of its link, as that link has it; None: it has no part."""
-
-    def has(touching: Link) -> bool:
-        return touching[0] == body and link in (ANY_LINK, touching[1])
-
-    if has(contact.one):
-        return contact
-    if not has(contact.other):
-        return None
-    x, y, z = contact.normal
-    return contact._replace(
-        one=contact.other,
-        other=contact.one,
-        on_one=contact.on_other,
-        on_other=contact.on_one,
-        normal=(-x, -y, -z),
-    )
+def point(values: Array) -> Point:
+    """Return three numbers of an array."""
+    x, y, z = values.tolist()
+    return x, y, z
 
 
 def _points(rows: Array) -> list[Point]:
