@@ -157,3 +157,9 @@ class Parts:
     def base_rests(self) -> bool:
         """Return whether no base follows a reference that moves."""
         return self.base is None or not self.base.is_moving
+
+    def base_stops(self) -> bool:
+        """Return whether the base is brought to rest before it has arrived."""
+        base, navigator = self.base, self.navigator
+        held_up = navigator is not None and navigator.is_held_up and not navigator.drives
+        return base is not None and (base.is_halting or (held_up and base.is_moving))
