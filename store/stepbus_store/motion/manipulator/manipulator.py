@@ -13,15 +13,11 @@ from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_schemas import BaseState, Goal, Plan, Point, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.motion.fitting import all_fitted, fitted
-from stepbus_store.motion.follow import joint_path
+from stepbus_store.motion.follow import Candidate, joint_path
 from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.manipulator.back_off_path import BackOffPath
-from stepbus_store.motion.manipulator.candidates import (
-    Candidate,
-    CandidateFinder,
-    about_as_near,
-)
+from stepbus_store.motion.manipulator.candidates import CandidateFinder, about_as_near
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.planner_search import (
     PlannerQueries,

@@ -9,8 +9,7 @@ import numpy as np
 from stepbus_kinematics import Vector
 from stepbus_schemas import Goal, Plan, PlanRequest, Point
 from stepbus_store.cause import Cause
-from stepbus_store.motion.follow import JointPath
-from stepbus_store.motion.manipulator.candidates import Candidate
+from stepbus_store.motion.follow import Candidate, JointPath
 from stepbus_store.motion.outcome import Refused
 
 _CAUSES: dict[str, Cause] = {
