@@ -207,9 +207,9 @@ class Manipulator:
 
     def _block(self, plan: Plan) -> None:
         """Record that the path under way is blocked, or forget the one that waits."""
-        if self._route is not None and plan.id == self._route.request.id:
+        if self._route is not None and plan.id == self._route.request_id:
             self._blocked = plan.text if plan.cause else ""
-        elif self._ready is not None and plan.id == self._ready[1].request.id and plan.cause:
+        elif self._ready is not None and plan.id == self._ready[1].request_id and plan.cause:
             self._ready = None
             self._fail(Refused(Cause.BLOCKED, plan.text))
 
@@ -365,13 +365,20 @@ class Manipulator:
         return self._search(goal, held, rest, iter([replace(candidate, text=text)]))
 
     def _search(self, goal: Goal, held: str, rest: Vector, candidates: Iterator[Candidate]) -> str:
-        t = self._player.clock.t
-        search = self.queries.make(goal, held, rest, candidates, t, bases=self._bases)
-        candidate = search.candidate
+        candidate = next(candidates)
+        search = PlannerSearch(
+            goal=goal,
+            held=held,
+            rest=rest,
+            candidates=candidates,
+            candidate=candidate,
+            bases=self._bases,
+            request_id=self.queries.next_id(),
+        )
         if candidate.is_at(rest) and not candidate.paths:
             self._then([Rest(rest)])
             return candidate.text or "the joints are there already"
-        self.queries.ask(search)
+        self.queries.ask(search, self._player.clock.t)
         return f"{candidate.text}; asked the planner" if candidate.text else "asked the planner"
 
     def _fail(self, refusal: Refused | None) -> None:
