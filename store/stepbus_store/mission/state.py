@@ -16,10 +16,10 @@ from stepbus_schemas import (
     Poses,
 )
 from stepbus_store.mission.geometry import Spot, nearest_quarter, spot_of
+from stepbus_store.mission.inventory import Item, Stock
 from stepbus_store.mission.params import Order, Params
 from stepbus_store.mission.report import SaleResult, Unsold
 from stepbus_store.mission.state_table import STATES
-from stepbus_store.mission.stock import Item, Stock
 from stepbus_store.mission.witness import Witness
 
 

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_schemas import Goal, RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.manipulator.manipulator import Manipulator
+from stepbus_store.motion.manipulator import Manipulator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
 
 

@@ -10,7 +10,6 @@ from msgspec.structs import replace
 
 from stepbus_schemas import BaseCommand, BaseState, Goal, Point, RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.base_limits import PLANNED, braking, hardest, limits_of, safe_speed
 from stepbus_store.motion.base_segments import (
     PlannedSegment,
     Reference,
@@ -19,7 +18,12 @@ from stepbus_store.motion.base_segments import (
     turn_by,
 )
 from stepbus_store.motion.base_tracking import (
+    PLANNED,
     TrackingError,
+    braking,
+    hardest,
+    limits_of,
+    safe_speed,
     slow_wheels,
     tracking_command,
     tracking_error,

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from stepbus_schemas import Goal, Point
 from stepbus_store.motion.base_motion import BaseMotion
-from stepbus_store.motion.manipulator.manipulator import Manipulator
+from stepbus_store.motion.manipulator import Manipulator
 from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
 

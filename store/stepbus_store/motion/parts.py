@@ -9,7 +9,7 @@ from stepbus_store.cause import Cause
 from stepbus_store.motion.back_to_rest import StowCondition
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.gripper import Gripper, Scale
-from stepbus_store.motion.manipulator.manipulator import Manipulator
+from stepbus_store.motion.manipulator import Manipulator
 from stepbus_store.motion.monitor import Moves
 from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused

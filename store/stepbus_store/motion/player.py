@@ -11,8 +11,13 @@ from stepbus_store.cause import Cause
 from stepbus_store.motion.fitting import is_strong_enough, sampled
 from stepbus_store.motion.follow import JointPath
 from stepbus_store.motion.joint_clock import MotionClock
-from stepbus_store.motion.joint_motion import JointMotion, Motion, MotionLimits, stop_from
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.joint_motion import (
+    JointMotion,
+    ManipulatorOptions,
+    Motion,
+    MotionLimits,
+    stop_from,
+)
 from stepbus_store.motion.outcome import Refused
 from stepbus_store.motion.trajectory import Joined, Rest, Retimed, Timed, Trajectory
 

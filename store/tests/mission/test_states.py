@@ -6,7 +6,7 @@ from support.services.mission_store import FakeStore, shelf_a
 from support.store_paths import STORE_DOCS
 
 from stepbus_store.mission.checks import CHECKS
-from stepbus_store.mission.goals import GOALS
+from stepbus_store.mission.state_goals import GOALS
 from stepbus_store.mission.state_table import LAST, STATES
 
 GOODS = (("cola", 2), ("cola", 3))

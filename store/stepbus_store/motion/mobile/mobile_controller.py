@@ -36,8 +36,8 @@ from stepbus_store.motion.back_to_rest import StowCondition
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.settings import make_limits, make_manipulator, make_robot
+from stepbus_store.motion.joint_motion import ManipulatorOptions
+from stepbus_store.motion.manipulator_setup import make_limits, make_manipulator, make_robot
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.navigator import Navigator

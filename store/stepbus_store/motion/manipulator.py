@@ -12,25 +12,18 @@ import numpy as np
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_schemas import BaseState, Goal, Plan, Point, RunError
 from stepbus_store.cause import Cause
+from stepbus_store.motion.candidates import CandidateFinder, about_as_near
 from stepbus_store.motion.fitting import all_fitted, fitted
 from stepbus_store.motion.follow import Candidate, joint_path
-from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
+from stepbus_store.motion.joint_motion import JointMotion, ManipulatorOptions, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator.back_off_path import BackOffPath
-from stepbus_store.motion.manipulator.candidates import CandidateFinder, about_as_near
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.planner_search import (
-    PlannerQueries,
-    PlannerSearch,
-    refusal_of,
-)
-from stepbus_store.motion.manipulator.routes import DetourRouter
+from stepbus_store.motion.links import BackOffPath, Links
 from stepbus_store.motion.outcome import Outcome, Refused
+from stepbus_store.motion.planner_search import PlannerQueries, PlannerSearch, refusal_of
 from stepbus_store.motion.player import MotionPlayer, planned
+from stepbus_store.motion.routes import DetourRouter
+from stepbus_store.motion.settling import JamWatch, SettleWatch
 from stepbus_store.motion.trajectory import Rest, Trajectory, along_path
-
-from .links import Links
-from .settling import JamWatch, SettleWatch
 
 _MOST_CANDIDATES = 4
 """Solutions that are tried."""

@@ -14,7 +14,7 @@ from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.follow import Candidate, JointPath, check_path, follow, line
 from stepbus_store.motion.ik_search import Solution
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.joint_motion import ManipulatorOptions
 from stepbus_store.motion.outcome import FARTHEST, Refused
 from stepbus_store.motion.spiral import SpiralPlanner
 
