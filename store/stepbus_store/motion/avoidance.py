@@ -10,7 +10,7 @@ from stepbus_store.motion.navigator import REPLANS
 from stepbus_store.motion.outcome import Measured, Outcome, Reports
 from stepbus_store.motion.parts import MOVES, Part, Parts
 from stepbus_store.motion.retreat import ArmRetreat, BaseBackOff
-from stepbus_store.motion.sensed import Approach, Collision, SensedThings, Strange, Watch
+from stepbus_store.motion.sensed import Approach, Collision, SensedThings, Unexpected, Watch
 
 _REACH = 0.5
 """Of the robot from the axis about which its base turns [m]."""
@@ -107,7 +107,7 @@ class Avoidance:
             self._reports.warn(f"{_gap(watch)}: slower")
         self._is_slow = watch.near is not None
         self._q = now.q
-        self._sensed.update(watch.strange, is_moving=self._parts.arm.is_moving)
+        self._sensed.update(watch.unexpected, is_moving=self._parts.arm.is_moving)
         self._monitor.wary = self._sensed.known
         return watch.scale
 
@@ -188,7 +188,7 @@ class Avoidance:
         self, retreat: ArmRetreat, goal: Goal, part: Part, end: Outcome, t: float
     ) -> Outcome | None:
         """Go back, ask for another path, or return the end of the goal; end: of the motion."""
-        gaps = (near.gap for near, _ in self._strange if near.other == retreat.left.other)
+        gaps = (near.gap for near, _ in self._unexpected if near.other == retreat.left.other)
         is_close = min(gaps, default=math.inf) < _ROOM
         if retreat.length is None and end.state == "succeeded" and is_close:
             retreat.length = self._parts.back_off_arm(t, _BACK_OFF)
@@ -250,7 +250,7 @@ class Avoidance:
         self._hindrance = None
         if arm.blocked:
             return arm.blocked
-        self._hindrance = self._sensed.hindrance(self._strange, on_plan=arm.follows_plan)
+        self._hindrance = self._sensed.hindrance(self._unexpected, on_plan=arm.follows_plan)
         return "" if self._hindrance is None else str(self._hindrance)
 
     def remember(self) -> bool:
@@ -261,13 +261,13 @@ class Avoidance:
         return self._sensed.remember(near, self._parts.arm.links.position(near.ours, self._q))
 
     @property
-    def _strange(self) -> Strange:
-        return self._watch.strange if self._watch is not None else ()
+    def _unexpected(self) -> Unexpected:
+        return self._watch.unexpected if self._watch is not None else ()
 
     @property
     def _nearest(self) -> tuple[Approach | None, float]:
         """Return the most urgent approach, and the gap that the hardest stop would leave [m]."""
-        return self._strange[0] if self._strange else (None, math.inf)
+        return self._unexpected[0] if self._unexpected else (None, math.inf)
 
     @property
     def is_urgent(self) -> bool:

@@ -6,7 +6,7 @@ from stepbus_schemas import Goal, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.motion.avoidance import Avoidance
 from stepbus_store.motion.back_to_rest import BackToRest
-from stepbus_store.motion.beside_goals import Companion
+from stepbus_store.motion.concurrent_motion import ConcurrentMotion
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.outcome import Measured, Outcome, Refused, Reports, failure_of
 from stepbus_store.motion.parts import PART_OF, Part, Parts
@@ -42,7 +42,7 @@ class GoalExecutor:
         self._active: ActiveGoal | None = None
         # The goal of the base, while the active one is carried out beside it.
         self._driving: ActiveGoal | None = None
-        self._companion: Companion | None = None
+        self._concurrent: ConcurrentMotion | None = None
         # A goal that ends with that of the base, which backs off.
         self._stopped_beside: ActiveGoal | None = None
         self._returning: BackToRest | None = None
@@ -97,7 +97,7 @@ class GoalExecutor:
             self._cancel(old, goal)
             if old.part != part:
                 self._parts.rest(old.part, t)
-        self._driving = self._companion = self._returning = self._stopped_beside = None
+        self._driving = self._concurrent = self._returning = self._stopped_beside = None
         self._avoidance.start(goal, part)
         active = ActiveGoal(goal=goal, part=part)
         try:
@@ -126,16 +126,16 @@ class GoalExecutor:
             self._cancel(self._active, goal)
             self._parts.rest(self._active.part, t)
         self._active = active = ActiveGoal(goal=goal, part=part)
-        if self._companion is not None:
-            self._companion.leave(is_done=False)
-        self._companion = None
+        if self._concurrent is not None:
+            self._concurrent.leave(is_done=False)
+        self._concurrent = None
         if self._driving is not None:
             self._avoidance.join(goal, part, self._driving.goal)
         text = "beside the base"
         try:
             if part == "arm":
                 self._check_planner()
-                self._companion = self._make_companion(goal)
+                self._concurrent = self._make_concurrent(goal)
             else:
                 text = self._move(goal, part, t)
         except RunError as exc:
@@ -143,12 +143,12 @@ class GoalExecutor:
             return
         self.reports.status(goal.id, "accepted", text=text)
 
-    def _make_companion(self, goal: Goal) -> Companion:
+    def _make_concurrent(self, goal: Goal) -> ConcurrentMotion:
         base, navigator = self._parts.base, self._parts.navigator
         if base is None or navigator is None:
             raise RunError("the goal sets `base`, but this robot has no mobile base")
         arm, held = self._parts.arm, self._avoidance.held
-        return Companion(goal=goal, held=held, arm=arm, base=base, navigator=navigator)
+        return ConcurrentMotion(goal=goal, held=held, arm=arm, base=base, navigator=navigator)
 
     def _move(self, goal: Goal, part: Part, t: float) -> str:
         """Start the motion of a goal and return a sentence for its status; raises RunError."""
@@ -192,8 +192,8 @@ class GoalExecutor:
             self.reports.status(active.goal.id, "running")
         if self._ends_jammed(active, jam, t):
             return
-        if self._companion is not None:
-            outcome = self._accompanied(self._companion, ends["arm"], now, t)
+        if self._concurrent is not None:
+            outcome = self._accompanied(self._concurrent, ends["arm"], now, t)
         else:
             outcome = self._outcome(active, ends, collision, lost, t)
         if outcome is not None and self._returning is not None:
@@ -208,23 +208,23 @@ class GoalExecutor:
         self, end: Outcome | None, collision: Collision | None, lost: str, now: Measured, t: float
     ) -> None:
         """Follow the goal of the base while another part moves; end: of the base's motion."""
-        active, driving, companion = self._active, self._driving, self._companion
+        active, driving, concurrent = self._active, self._driving, self._concurrent
         if active is None or driving is None:
             return
         if collision is not None or lost:
             # Both stop; then the base backs off. The goal beside its own ends with it.
             self._parts.rest(active.part, t, touches=collision is not None)
-            self._active, self._driving, self._companion = driving, None, None
+            self._active, self._driving, self._concurrent = driving, None, None
             self._stopped_beside = active
             return
         try:
-            if companion is not None:
-                companion.check(now, t)
+            if concurrent is not None:
+                concurrent.check(now, t)
             end = self._avoidance.approach(driving.goal, "base", t) or end
             if end is not None:
                 self._arrive(active, driving, end, now, t)
-            elif companion is not None and self._parts.base_stops():
-                companion.postpone(now, t)
+            elif concurrent is not None and self._parts.base_stops():
+                concurrent.postpone(now, t)
         except RunError as exc:
             self._fail(active, failure_of(exc), t)
 
@@ -238,26 +238,26 @@ class GoalExecutor:
             self._fail(active, end, t)
             return
         self._avoidance.join(active.goal, active.part)
-        if self._companion is not None:
-            self._companion.arrived(now, t)
+        if self._concurrent is not None:
+            self._concurrent.arrived(now, t)
 
     def _accompanied(
-        self, companion: Companion, end: Outcome | None, now: Measured, t: float
+        self, concurrent: ConcurrentMotion, end: Outcome | None, now: Measured, t: float
     ) -> Outcome | None:
         """Return the end of an arm's goal beside the base's; end: of the arm's motion."""
         drives = self._driving is not None
         try:
-            end = companion.follow(end, now, t)
-            moves = companion.phase == "moves"
+            end = concurrent.follow(end, now, t)
+            moves = concurrent.phase == "moves"
             if end is None and drives and moves and self._avoidance.hindrance("arm"):
                 self._avoidance.remember()
-                companion.postpone(now, t, is_urgent=self._avoidance.is_urgent)
+                concurrent.postpone(now, t, is_urgent=self._avoidance.is_urgent)
         except RunError as exc:
             return failure_of(exc)
-        if end is None and companion.phase == "moves" and not drives:
+        if end is None and concurrent.phase == "moves" and not drives:
             # From now on it is a goal like any other.
-            self._companion = None
-        if end is not None and end.state == "failed" and not companion.navigator.waits:
+            self._concurrent = None
+        if end is not None and end.state == "failed" and not concurrent.navigator.waits:
             self._stop_driving(end, t)
         return end
 
@@ -331,9 +331,9 @@ class GoalExecutor:
         if outcome.state == "succeeded" and active.part == "arm":
             outcome = self._timed(active.goal, outcome)
         self._report_end(active, outcome)
-        if self._companion is not None:
-            self._companion.leave(is_done=outcome.state == "succeeded")
-        self._active, self._driving, self._companion = self._driving, None, None
+        if self._concurrent is not None:
+            self._concurrent.leave(is_done=outcome.state == "succeeded")
+        self._active, self._driving, self._concurrent = self._driving, None, None
         self._returning = None
         beside, self._stopped_beside = self._stopped_beside, None
         if beside is not None:

@@ -125,7 +125,7 @@ _LARGEST_STEP = 0.3
 """Of a joint between two poses [rad]; more is a jump to another branch."""
 
 
-class Lost(Refused):
+class PathLost(Refused):
     """A path of the tip that the joints cannot follow; index: of the first such pose."""
 
     def __init__(self, cause: Cause, text: str, index: int) -> None:
@@ -137,7 +137,7 @@ def follow(robot: RobotModel, tip: str, path: Sequence[TipPose], start: Vector) 
     """Return the joints along a path of the tip, staying on the branch of their start.
 
     start: where the tip is at the first pose, shape (n,) [rad]. Between two poses the joints are
-    predicted by the Jacobian, then corrected by Newton's method. Raises Lost with cause
+    predicted by the Jacobian, then corrected by Newton's method. Raises PathLost with cause
     unreachable, limits or singular where the path leaves the branch.
     """
     tracer = _Tracer(robot, tip)
@@ -151,7 +151,7 @@ def follow(robot: RobotModel, tip: str, path: Sequence[TipPose], start: Vector) 
         except Refused as exc:
             total = path[-1].u
             text = f"{exc} after {pose.u:.3f} of {total:.3f} m of the path"
-            raise Lost(exc.cause, text, index) from exc
+            raise PathLost(exc.cause, text, index) from exc
         rows.append(q)
         slopes.append(slope)
     u = np.array([pose.u for pose in path])

@@ -23,7 +23,7 @@ from stepbus_store.motion.planner_search import PlannerQueries, PlannerSearch, r
 from stepbus_store.motion.player import MotionPlayer, planned
 from stepbus_store.motion.routes import DetourRouter
 from stepbus_store.motion.settling import JamWatch, SettleWatch
-from stepbus_store.motion.trajectory import Rest, Trajectory, along_path
+from stepbus_store.motion.trajectory import AtRest, Trajectory, along_path
 
 _MOST_CANDIDATES = 4
 """Solutions that are tried."""
@@ -345,7 +345,7 @@ class Manipulator:
     def _line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:
         path = self._finder.line(goal, rest, q, base)
         if path is None:
-            self._then([Rest(rest)])
+            self._then([AtRest(rest)])
             return "the tip is there already"
         candidate = Candidate(target=rest, paths=(path,))
         parts = self._fitted(self._along(candidate), goal.duration)
@@ -369,7 +369,7 @@ class Manipulator:
             request_id=self.queries.next_id(),
         )
         if candidate.is_at(rest) and not candidate.paths:
-            self._then([Rest(rest)])
+            self._then([AtRest(rest)])
             return candidate.text or "the joints are there already"
         self.queries.ask(search, self._player.clock.t)
         return f"{candidate.text}; asked the planner" if candidate.text else "asked the planner"

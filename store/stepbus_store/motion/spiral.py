@@ -16,7 +16,7 @@ from stepbus_store.motion.follow import (
     EVERY_M,
     Candidate,
     JointPath,
-    Lost,
+    PathLost,
     TipPose,
     check_path,
     follow,
@@ -208,7 +208,7 @@ class SpiralPlanner:
             poses = spiral.poses()
             try:
                 return spiral, follow(self._robot, tip, poses, start)
-            except Lost as exc:
+            except PathLost as exc:
                 index = min(exc.index * gaps // (len(poses) - 1), gaps - 1)
                 raised = spiral.raised.copy()
                 # The first point stays: this solution is for it.

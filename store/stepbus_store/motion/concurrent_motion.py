@@ -21,7 +21,7 @@ Phase = Literal["waits for a route", "asked", "postponed", "moves"]
 
 
 @dataclass(kw_only=True)
-class Companion:
+class ConcurrentMotion:
     """Lets an arm move beside a base that drives, along a path that is free at all poses of both.
 
     A pose in the odometry frame is for the arrival: the arm starts on the last stretch of the
