@@ -158,7 +158,7 @@ class GoalExecutor:
         if part != "all":
             self._check_planner()
         if goal.type == "back_to_rest":
-            self._returning = BackToRest(goal=goal, held=held, arm=arm, tip=arm.tip)
+            self._returning = BackToRest(goal=goal, held=held, arm=arm)
             return self._returning.start(now, t)
         return self._parts.start(part, goal, now, t, held)
 
