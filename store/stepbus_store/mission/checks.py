@@ -3,11 +3,11 @@
 from collections.abc import Callable, Mapping
 
 from stepbus_store.cause import Cause
+from stepbus_store.mission.inventory import Item
 from stepbus_store.mission.report import Unsold
 from stepbus_store.mission.rest import NO_ANSWER, at_rest, halted
 from stepbus_store.mission.state import APPROACHES, Outcome, Sale, StoreState
 from stepbus_store.mission.state_table import BESIDE, STATES
-from stepbus_store.mission.stock import Item
 from stepbus_store.mission.verification import aim, correct, find, verify
 
 Check = Callable[[StoreState], Outcome | None]

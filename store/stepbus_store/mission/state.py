@@ -15,11 +15,11 @@ from stepbus_schemas import (
     Point,
     Poses,
 )
-from stepbus_store.mission.geometry import Spot, nearest_quarter, spot_of
+from stepbus_store.mission.geometry import Spot, nearest_quarter, spot_of, tilt_of
+from stepbus_store.mission.inventory import Item, Stock
 from stepbus_store.mission.params import Order, Params
 from stepbus_store.mission.report import SaleResult, Unsold
 from stepbus_store.mission.state_table import STATES
-from stepbus_store.mission.stock import Item, Stock
 from stepbus_store.mission.witness import Witness
 
 
@@ -212,9 +212,7 @@ class StoreState:
         imu = self.inputs.imu
         if imu is None or imu.orientation is None:
             return 0.0
-        x, y, *_ = imu.orientation
-        # The cosine is that between its upright axis and the vertical.
-        return math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
+        return tilt_of(imu.orientation)
 
     @property
     def carries(self) -> bool:

@@ -1,7 +1,7 @@
 """Sells items: fetches each order from the shelves and puts it into the outlet.
 
-`state_table.py` has the table of states, `goals.py` the goal
-of each state, `checks.py` and `verification.py` decide when a state ends.
+`state_table.py` has the table of states, `state_goals.py` the goal of each state, `checks.py` and
+`verification.py` decide when a state ends.
 """
 
 import math
@@ -40,7 +40,7 @@ from stepbus_schemas import (
 from stepbus_store.cause import Cause
 from stepbus_store.mission.checks import CHECKS, CURABLE, PLANNABLE, arrived
 from stepbus_store.mission.geometry import TrueBase
-from stepbus_store.mission.goals import GOALS
+from stepbus_store.mission.inventory import Stock
 from stepbus_store.mission.params import Params, unknown_type
 from stepbus_store.mission.report import WITNESSES, summary
 from stepbus_store.mission.rest import Interruption, overturned
@@ -53,8 +53,8 @@ from stepbus_store.mission.state import (
     StoreState,
     Visit,
 )
+from stepbus_store.mission.state_goals import GOALS
 from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
-from stepbus_store.mission.stock import Stock
 from stepbus_store.mission.verification import looked_at, wants_image
 from stepbus_store.mission.witness import Witness
 from stepbus_store.poses import check_poses

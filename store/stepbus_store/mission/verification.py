@@ -6,9 +6,9 @@ from stepbus_participant import suggest
 from stepbus_schemas import Detections, Point, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.mission.geometry import Spot, spot_of, tilt_of
-from stepbus_store.mission.goals import ODOMETRY
 from stepbus_store.mission.report import SaleResult
 from stepbus_store.mission.state import Outcome, StoreState
+from stepbus_store.mission.state_goals import ODOMETRY
 from stepbus_store.mission.state_table import STATES
 from stepbus_store.poses import yaw_of
 

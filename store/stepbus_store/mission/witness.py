@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from stepbus_schemas import Contacts, Point, Poses
-from stepbus_store.mission.stock import Measures, Stock
+from stepbus_store.mission.inventory import Measures, Stock
 
 _FASTEST = 1.0
 """The robot moves nothing faster than this [m/s]."""

@@ -1,7 +1,6 @@
 """Reactions to collisions, and to obstacles that come into the path."""
 
 import math
-from dataclasses import dataclass
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Goal, RunError
@@ -11,7 +10,7 @@ from stepbus_store.motion.navigator import REPLANS
 from stepbus_store.motion.outcome import Measured, Outcome, Reports
 from stepbus_store.motion.parts import MOVES, Part, Parts
 from stepbus_store.motion.retreat import ArmRetreat, BaseBackOff
-from stepbus_store.motion.sensed import Approach, Collision, SensedThings, Strange, Watch
+from stepbus_store.motion.sensed import Approach, Collision, SensedThings, Unexpected, Watch
 
 _REACH = 0.5
 """Of the robot from the axis about which its base turns [m]."""
@@ -30,13 +29,8 @@ _STOP_WITHIN = 0.004
 [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _BackOff:
-    """Backing off from a collision; failure: of the goal, unless it gets another path."""
-
-    failure: Outcome
-    collision: Collision
-    replans: bool
+_ROOM = 0.02
+"""An arm that stands farther than this from what it has stopped for need not leave it [m]."""
 
 
 class Avoidance:
@@ -58,8 +52,6 @@ class Avoidance:
         self._watch: Watch | None = None
         self._touched: tuple[str, str] | None = None
         self._is_slow = False
-        self._back_off: _BackOff | None = None
-        self._is_apart = False
         self._base_back_off: BaseBackOff | None = None
         self._near: Approach | None = None
         self._replans = 0
@@ -85,7 +77,7 @@ class Avoidance:
 
         What has happened to the base is not forgotten.
         """
-        self._back_off, self._retreat, self._replans = None, None, 0
+        self._retreat, self._replans = None, 0
         self._is_beside = driving is not None
         self._monitor_goal(goal, part, driving)
 
@@ -115,7 +107,7 @@ class Avoidance:
             self._reports.warn(f"{_gap(watch)}: slower")
         self._is_slow = watch.near is not None
         self._q = now.q
-        self._sensed.update(watch.strange, is_moving=self._parts.arm.is_moving)
+        self._sensed.update(watch.unexpected, is_moving=self._parts.arm.is_moving)
         self._monitor.wary = self._sensed.known
         return watch.scale
 
@@ -153,21 +145,22 @@ class Avoidance:
         if part == "gripper":
             self._parts.rest(part, t)
             return Outcome(state="failed", cause=Cause.COLLISION, text=text)
-        may_replan = part == "arm" and self._parts.arm.follows_plan
+        may_replan = part == "arm" and self._parts.arm.follows_plan and self._replans < REPLANS
         length = self._parts.back_off_arm(t, _BACK_OFF)
-        replans = may_replan and length > 0.0 and self._replans < REPLANS
-        text = f"{text}, backed off {length * 1e3:.0f} mm" if length > 0.0 else text
-        failure = Outcome(state="failed", cause=Cause.COLLISION, text=text)
-        self._back_off = _BackOff(failure=failure, collision=collision, replans=replans)
-        self._is_apart = False
+        self._retreat = ArmRetreat(
+            left=collision,
+            why=str(collision),
+            cause=Cause.COLLISION,
+            may_replan=may_replan and length > 0.0,
+            length=length,
+        )
         self._monitor_goal(goal, part)
         return None
 
     @property
     def backs_off(self) -> bool:
         """Return whether the robot backs off from what it has touched, or has stopped before."""
-        backs_off = (self._back_off, self._base_back_off, self._retreat)
-        return any(each is not None for each in backs_off)
+        return self._base_back_off is not None or self._retreat is not None
 
     def check_back_off(
         self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
@@ -178,65 +171,47 @@ class Avoidance:
         """
         if self._base_back_off is not None:
             return self._base_back_off.check(collision)
-        if self._retreat is not None:
-            return self._check_retreat(goal, part, end, collision, t)
-        return self._check_arm(goal, part, end, collision, t)
-
-    def _check_arm(
-        self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
-    ) -> Outcome | None:
-        back_off = self._back_off
-        if back_off is None:
-            return None
-        obstacle = self._behind(back_off.collision, collision)
-        if not obstacle and end is None:
-            return None
-        if obstacle:
-            self._parts.rest(part, t, touches=True)
-            text = f"{back_off.collision}; stopped; while backing off, {obstacle}"
-            self._reports.warn(text)
-            return Outcome(state="failed", cause=Cause.COLLISION, text=text)
-        if back_off.replans and end is not None and end.state == "succeeded":
-            self._back_off = None
-            return self.replan(goal, part, back_off.failure.text, t)
-        return back_off.failure
-
-    def _check_retreat(
-        self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
-    ) -> Outcome | None:
-        """Return the end of the goal of an arm that leaves what it has stopped for."""
-        retreat, strange = self._retreat, self._strange
+        retreat = self._retreat
         if retreat is None:
             return None
-        if collision is not None and not retreat.leaves:
+        if retreat.length is None and collision is not None:
             self._retreat = None
             return self.collide(goal, part, collision, t)
-        if retreat.leaves:
-            obstacle = collision or self._sensed.hindrance(strange, on_plan=True)
-            if obstacle is not None:
-                self._parts.rest(part, t, touches=True)
-                return retreat.failure(obstacle)
-        gaps = (near.gap for near, _ in strange if near.other == retreat.other)
-        if end is None or not retreat.is_over(end, min(gaps, default=math.inf), t):
+        if retreat.length is not None and (obstacle := self._behind(retreat, collision)):
+            self._parts.rest(part, t, touches=True)
+            failure = retreat.failure(obstacle)
+            self._reports.warn(failure.text)
+            return failure
+        return None if end is None else self._retreated(retreat, goal, part, end, t)
+
+    def _retreated(
+        self, retreat: ArmRetreat, goal: Goal, part: Part, end: Outcome, t: float
+    ) -> Outcome | None:
+        """Go back, ask for another path, or return the end of the goal; end: of the motion."""
+        gaps = (near.gap for near, _ in self._unexpected if near.other == retreat.left.other)
+        is_close = min(gaps, default=math.inf) < _ROOM
+        if retreat.length is None and end.state == "succeeded" and is_close:
+            retreat.length = self._parts.back_off_arm(t, _BACK_OFF)
             return None
-        if end.state != "succeeded":
+        if end.state != "succeeded" or not retreat.may_replan:
             return retreat.failure()
         self._retreat = None
         return self.replan(goal, part, retreat.text, t)
 
-    def _behind(self, left: Collision, collision: Collision | None) -> str:
+    def _behind(self, retreat: ArmRetreat, collision: Collision | None) -> str:
         """Return the obstacle in the way of an arm that backs off; empty: none.
 
-        left: what it backs off from, which counts again once the arm was apart from it.
-        collision: that has just started.
+        What it backs off from counts again once the arm was apart from it. collision: that has
+        just started.
         """
-        if self._monitor is not None and not self._is_apart:
-            force, gap = self._monitor.touch(left.pair)
-            self._is_apart = force == 0.0 and (gap is None or gap > _APART)
-        if collision is not None and (self._is_apart or collision.pair != left.pair):
+        left = retreat.left.pair
+        if self._monitor is not None and not retreat.is_apart:
+            force, gap = self._monitor.touch(left)
+            retreat.is_apart = force == 0.0 and (gap is None or gap > _APART)
+        if collision is not None and (retreat.is_apart or collision.pair != left):
             return str(collision)
         near, room = self._nearest
-        if near is None or (near.pair == left.pair and not self._is_apart):
+        if near is None or (near.pair == left and not retreat.is_apart):
             return ""
         comes = near.gap - room > _COMES and room < _STOP_WITHIN
         return str(near) if comes else ""
@@ -275,7 +250,7 @@ class Avoidance:
         self._hindrance = None
         if arm.blocked:
             return arm.blocked
-        self._hindrance = self._sensed.hindrance(self._strange, on_plan=arm.follows_plan)
+        self._hindrance = self._sensed.hindrance(self._unexpected, on_plan=arm.follows_plan)
         return "" if self._hindrance is None else str(self._hindrance)
 
     def remember(self) -> bool:
@@ -286,13 +261,13 @@ class Avoidance:
         return self._sensed.remember(near, self._parts.arm.links.position(near.ours, self._q))
 
     @property
-    def _strange(self) -> Strange:
-        return self._watch.strange if self._watch is not None else ()
+    def _unexpected(self) -> Unexpected:
+        return self._watch.unexpected if self._watch is not None else ()
 
     @property
     def _nearest(self) -> tuple[Approach | None, float]:
         """Return the most urgent approach, and the gap that the hardest stop would leave [m]."""
-        return self._strange[0] if self._strange else (None, math.inf)
+        return self._unexpected[0] if self._unexpected else (None, math.inf)
 
     @property
     def is_urgent(self) -> bool:
@@ -317,10 +292,10 @@ class Avoidance:
             return self._give_up(part, f"{why}; stopped; another path leads there again", t)
         if self._hindrance is None:
             return self.replan(goal, part, why, t)
-        distance, is_urgent = _BACK_OFF, self.is_urgent
         self._retreat = ArmRetreat(
-            self._parts, self._hindrance, why, distance, t, is_urgent=is_urgent
+            left=self._hindrance, why=why, cause=Cause.NO_PATH, may_replan=True
         )
+        self._parts.arm.stop(t, touches=self.is_urgent, keeps_route=True)
         self._reports.warn(f"{why}; stops")
         return None
 

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_schemas import Goal, RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.manipulator.manipulator import Manipulator
+from stepbus_store.motion.manipulator import Manipulator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
 
 
@@ -69,7 +69,6 @@ class BackToRest:
     goal: Goal
     held: str
     arm: Manipulator
-    tip: str
     escapes: Iterator[_Escape] = field(init=False)
     done: list[str] = field(default_factory=list)
     is_freeing: bool = False
@@ -142,7 +141,7 @@ class BackToRest:
             type="move_linear",
             joints=[],
             values=[],
-            tip=self.tip,
+            tip=self.arm.tip,
             frame="",
             position=(x * share, y * share, z + up),
             orientation=turn,

@@ -10,7 +10,6 @@ from msgspec.structs import replace
 
 from stepbus_schemas import BaseCommand, BaseState, Goal, Point, RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.base_limits import PLANNED, braking, hardest, limits_of, safe_speed
 from stepbus_store.motion.base_segments import (
     PlannedSegment,
     Reference,
@@ -19,7 +18,12 @@ from stepbus_store.motion.base_segments import (
     turn_by,
 )
 from stepbus_store.motion.base_tracking import (
+    PLANNED,
     TrackingError,
+    braking,
+    hardest,
+    limits_of,
+    safe_speed,
     slow_wheels,
     tracking_command,
     tracking_error,
@@ -44,8 +48,9 @@ _APART = 0.1
 """Distance of the poses that `ahead` returns [m]."""
 
 
-def _length(segment: Segment) -> float:
-    return abs(segment.length) * (_BACK_TURN if segment.turns else 1.0)
+def _as_arc(segment: Segment, length: float) -> float:
+    """Return a length along a segment, a turn as an arc [m]."""
+    return length * (_BACK_TURN if segment.turns else 1.0)
 
 
 @dataclass(kw_only=True)
@@ -197,10 +202,10 @@ class BaseMotion:
     @property
     def remaining(self) -> float:
         """Return the length of the route that is left, a turn as an arc [m]."""
-        left = sum(_length(segment) for segment in self._planned_ahead())
+        left = sum(_as_arc(segment, abs(segment.length)) for segment in self._planned_ahead())
         if self._drive is not None:
             rest = abs(self._drive.segment.length) - abs(self._drive.now()[0])
-            left += max(rest, 0.0) * (_BACK_TURN if self._drive.segment.turns else 1.0)
+            left += _as_arc(self._drive.segment, max(rest, 0.0))
         return left
 
     def ahead(self, route: Iterable[PlannedSegment] | None = None) -> list[tuple[float, Point]]:
@@ -217,7 +222,7 @@ class BaseMotion:
             parts.append((drive.segment, drive.now()[0]))
         parts += [(segment, 0.0) for segment in self._planned_ahead(route)]
         for segment, start in parts:
-            left = (segment.length - start) * (_BACK_TURN if segment.turns else 1.0)
+            left = _as_arc(segment, segment.length - start)
             # In a turn, what an arm holds out goes the farthest.
             farthest = (segment.length - start) * self._params.safe_reach if segment.turns else left
             count = max(math.ceil(abs(farthest) / _APART), 1)

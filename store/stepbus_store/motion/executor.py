@@ -1,141 +1,29 @@
-"""Carries out one goal at a time, and reports what becomes of it."""
+"""Carries out one goal at a time, and reports how it ends."""
+
+from dataclasses import dataclass
 
 from stepbus_schemas import Goal, RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.active_goal import Active, UnderWay
 from stepbus_store.motion.avoidance import Avoidance
-from stepbus_store.motion.beside_goals import Companion
+from stepbus_store.motion.back_to_rest import BackToRest
+from stepbus_store.motion.concurrent_motion import ConcurrentMotion
 from stepbus_store.motion.monitor import CollisionMonitor
-from stepbus_store.motion.outcome import Measured, Outcome, Reports, failure_of
+from stepbus_store.motion.outcome import Measured, Outcome, Refused, Reports, failure_of
 from stepbus_store.motion.parts import PART_OF, Part, Parts
 from stepbus_store.motion.sensed import Collision
 
+_LATE = 1.02
+"""Share of the requested duration from which a motion counts as slower."""
 
-class BesideBase:
-    """Carries out one goal at a time beside that of the base, and stops both together."""
 
-    def __init__(self, goals: UnderWay) -> None:
-        self._goals = goals
-        self._parts = goals.parts
-        self._avoidance = goals.avoidance
+@dataclass(kw_only=True)
+class ActiveGoal:
+    """A goal that is carried out; arm_rests: of a `stop` goal."""
 
-    def takes(self, part: Part) -> bool:
-        """Return whether a goal of a part can be carried out beside the base's."""
-        drives = self._goals.driving or self._goals.active
-        is_driving = drives is not None and drives.part == "base" and not self._avoidance.backs_off
-        return is_driving and part in {"arm", "gripper"} and self._parts.navigator is not None
-
-    def start(self, goal: Goal, part: Part, now: Measured | None, t: float) -> None:
-        """Start a goal beside that of the base, in place of the one that was beside it."""
-        goals = self._goals
-        if goals.driving is None:
-            goals.driving = goals.active
-        elif goals.active is not None:
-            goals.cancel(goals.active, goal)
-            goals.rest(t)
-        goals.active = active = Active(goal=goal, part=part)
-        if goals.companion is not None:
-            goals.companion.leave(is_done=False)
-        goals.companion = None
-        if goals.driving is not None:
-            self._avoidance.join(goal, part, goals.driving.goal)
-        text = "beside the base"
-        try:
-            goals.check_planner()
-            if part == "arm":
-                goals.companion = self._companion(goal)
-            else:
-                text = goals.move(goal, part, now, t)
-        except RunError as exc:
-            goals.end(active, failure_of(exc))
-            return
-        goals.reports.status(goal.id, "accepted", text=text)
-
-    def _companion(self, goal: Goal) -> Companion:
-        base, navigator = self._parts.base, self._parts.navigator
-        if base is None or navigator is None:
-            raise RunError("the goal sets `base`, but this robot has no mobile base")
-        arm, held = self._parts.arm, self._avoidance.held
-        return Companion(goal=goal, held=held, arm=arm, base=base, navigator=navigator)
-
-    def check(
-        self, end: Outcome | None, now: Measured, t: float, *, touches: bool, loses: bool
-    ) -> None:
-        """Follow the goal of the base while another part moves beside it.
-
-        end: of the base's motion. touches: the robot has collided. loses: an item slipped away.
-        """
-        goals = self._goals
-        driving, active, companion = goals.driving, goals.active, goals.companion
-        if driving is None or active is None:
-            return
-        if touches or loses:
-            # Both stop; then the base backs off. The goal beside its own ends with it.
-            goals.rest(t, touches=touches)
-            goals.active, goals.driving, goals.companion = driving, None, None
-            goals.stopped_beside = active
-            return
-        try:
-            if companion is not None:
-                companion.check(now, t)
-            end = self._avoidance.approach(driving.goal, "base", t) or end
-            if end is not None:
-                self._arrive(driving, active, end, now, t)
-            elif self._stops() and companion:
-                companion.postpone(now, t)
-        except RunError as exc:
-            goals.fail(active, exc, t)
-
-    def _stops(self) -> bool:
-        """Return whether the base is brought to rest before it has arrived."""
-        base, navigator = self._parts.base, self._parts.navigator
-        held_up = navigator is not None and navigator.is_held_up and not navigator.drives
-        return base is not None and (base.is_halting or (held_up and base.is_moving))
-
-    def _arrive(
-        self, driving: Active, active: Active, end: Outcome, now: Measured, t: float
-    ) -> None:
-        """Report the end of the base's goal; what moves beside it continues, unless that failed."""
-        goals = self._goals
-        goals.driving = None
-        goals.report_end(driving, end)
-        if end.state != "succeeded":
-            goals.rest(t)
-            goals.end(active, end)
-            return
-        self._avoidance.join(active.goal, active.part)
-        if goals.companion is not None:
-            goals.companion.arrived(now, t)
-
-    def outcome(
-        self, companion: Companion, end: Outcome | None, now: Measured, t: float
-    ) -> Outcome | None:
-        """Return the end of an arm's goal beside the base's, once it has ended.
-
-        end: of the arm's motion.
-        """
-        goals = self._goals
-        try:
-            end = companion.follow(end, now, t)
-            drives, moves = goals.driving is not None, companion.phase == "moves"
-            if end is None and drives and moves and self._avoidance.hindrance("arm"):
-                self._avoidance.remember()
-                companion.postpone(now, t, is_urgent=self._avoidance.is_urgent)
-        except RunError as exc:
-            return failure_of(exc)
-        if end is None and companion.phase == "moves" and goals.driving is None:
-            # From now on it is a goal like any other.
-            goals.companion = None
-        if end is not None and end.state == "failed" and not companion.navigator.waits:
-            self.stop_driving(end, t)
-        return end
-
-    def stop_driving(self, end: Outcome, t: float) -> None:
-        """Stop the base, since the arm beside it is not where it should be; end: of the arm."""
-        driving, self._goals.driving = self._goals.driving, None
-        if driving is not None:
-            self._parts.rest(driving.part, t)
-            self._goals.report_end(driving, end)
+    goal: Goal
+    part: Part
+    is_reported: bool = False
+    arm_rests: bool = False
 
 
 class GoalExecutor:
@@ -151,10 +39,16 @@ class GoalExecutor:
         self.reports = Reports()
         self._parts = parts
         self._avoidance = Avoidance(parts, self.reports, monitor)
-        self._goals = UnderWay(parts, self.reports, self._avoidance)
-        self._beside = BesideBase(self._goals)
+        self._active: ActiveGoal | None = None
+        # The goal of the base, while the active one is carried out beside it.
+        self._driving: ActiveGoal | None = None
+        self._concurrent: ConcurrentMotion | None = None
+        # A goal that ends with that of the base, which backs off.
+        self._stopped_beside: ActiveGoal | None = None
+        self._returning: BackToRest | None = None
         self._measured: Measured | None = None
         self._interrupted = ""
+        self._lost_planner = ""
 
     def hold(self, now: Measured) -> None:
         """Stand still."""
@@ -169,59 +63,115 @@ class GoalExecutor:
         self._measured, self._interrupted = now, text
         # What is held, and what is touched, is known afterwards.
         self._avoidance.scale(now, dt, has_goal=False)
-        goals, end = self._goals, Outcome(state="failed", cause=Cause.EMERGENCY_STOP, text=text)
-        while goals.active is not None:
-            goals.end(goals.active, end)
+        end = Outcome(state="failed", cause=Cause.EMERGENCY_STOP, text=text)
+        while self._active is not None:
+            self._end(self._active, end)
         self._parts.interrupt(now)
+
+    def lose_planner(self, text: str, t: float) -> None:
+        """Stop, and fail all goals but `stop`, now and from now on: there are no plans any more."""
+        if self._lost_planner:
+            return
+        self._lost_planner = text
+        failure = Outcome(state="failed", cause=Cause.NO_PLAN, text=text)
+        for _ in range(2):
+            active = self._active
+            if active is not None and active.part != "all":
+                self._parts.rest(active.part, t)
+                self._end(active, failure)
+
+    # A goal begins
 
     def start(self, goal: Goal, t: float) -> None:
         """Start a goal at a time [s]; its status reports what is wrong with it."""
         if self._interrupted:
             self.reports.status(goal.id, "failed", Cause.EMERGENCY_STOP, self._interrupted)
             return
-        part, goals, now = PART_OF[goal.type], self._goals, self._measured
-        if goal.base is not None and self._beside.takes(part):
-            self._beside.start(goal, part, now, t)
+        part = PART_OF[goal.type]
+        if goal.base is not None and self._takes_beside_base(part):
+            self._start_beside(goal, part, t)
             return
-        before = (goals.active, goals.driving, goals.stopped_beside)
+        before = (self._active, self._driving, self._stopped_beside)
         cancelled = [old for old in before if old is not None]
         for old in cancelled:
-            goals.cancel(old, goal)
+            self._cancel(old, goal)
             if old.part != part:
                 self._parts.rest(old.part, t)
-        goals.driving = goals.companion = goals.returning = goals.stopped_beside = None
+        self._driving = self._concurrent = self._returning = self._stopped_beside = None
         self._avoidance.start(goal, part)
-        active = Active(goal=goal, part=part)
+        active = ActiveGoal(goal=goal, part=part)
         try:
-            text = goals.move(goal, part, now, t)
+            text = self._move(goal, part, t)
         except RunError as exc:
-            goals.report_end(active, failure_of(exc))
+            self._report_end(active, failure_of(exc))
             for old in cancelled:
                 self._parts.rest(old.part, t)
-            goals.active = None
+            self._active = None
             return
         caution = self._parts.arm.caution if part == "arm" else ""
         self.reports.status(goal.id, "accepted", caution, text)
-        goals.active = active
+        self._active = active
 
-    def lose_planner(self, text: str, t: float) -> None:
-        """Stop, and fail all goals but `stop`, now and from now on: there are no plans any more."""
-        goals = self._goals
-        if goals.lost_planner:
+    def _takes_beside_base(self, part: Part) -> bool:
+        """Return whether a goal of a part can be carried out beside the base's."""
+        drives = self._driving or self._active
+        is_driving = drives is not None and drives.part == "base" and not self._avoidance.backs_off
+        return is_driving and part in {"arm", "gripper"} and self._parts.navigator is not None
+
+    def _start_beside(self, goal: Goal, part: Part, t: float) -> None:
+        """Start a goal beside that of the base, in place of the one that was beside it."""
+        if self._driving is None:
+            self._driving = self._active
+        elif self._active is not None:
+            self._cancel(self._active, goal)
+            self._parts.rest(self._active.part, t)
+        self._active = active = ActiveGoal(goal=goal, part=part)
+        if self._concurrent is not None:
+            self._concurrent.leave(is_done=False)
+        self._concurrent = None
+        if self._driving is not None:
+            self._avoidance.join(goal, part, self._driving.goal)
+        text = "beside the base"
+        try:
+            if part == "arm":
+                self._check_planner()
+                self._concurrent = self._make_concurrent(goal)
+            else:
+                text = self._move(goal, part, t)
+        except RunError as exc:
+            self._end(active, failure_of(exc))
             return
-        goals.lost_planner = text
-        failure = Outcome(state="failed", cause=Cause.NO_PLAN, text=text)
-        for _ in range(2):
-            active = goals.active
-            if active is not None and active.part != "all":
-                goals.rest(t)
-                goals.end(active, failure)
+        self.reports.status(goal.id, "accepted", text=text)
+
+    def _make_concurrent(self, goal: Goal) -> ConcurrentMotion:
+        base, navigator = self._parts.base, self._parts.navigator
+        if base is None or navigator is None:
+            raise RunError("the goal sets `base`, but this robot has no mobile base")
+        arm, held = self._parts.arm, self._avoidance.held
+        return ConcurrentMotion(goal=goal, held=held, arm=arm, base=base, navigator=navigator)
+
+    def _move(self, goal: Goal, part: Part, t: float) -> str:
+        """Start the motion of a goal and return a sentence for its status; raises RunError."""
+        now, held, arm = self._measured, self._avoidance.held, self._parts.arm
+        if now is None:
+            raise RunError("nothing has been measured yet")
+        if part != "all":
+            self._check_planner()
+        if goal.type == "back_to_rest":
+            self._returning = BackToRest(goal=goal, held=held, arm=arm)
+            return self._returning.start(now, t)
+        return self._parts.start(part, goal, now, t, held)
+
+    def _check_planner(self) -> None:
+        if self._lost_planner:
+            raise Refused(Cause.NO_PLAN, self._lost_planner)
+
+    # A step
 
     def check(self, now: Measured, t: float, dt: float) -> None:
         """Compare with what was measured at a time [s], dt after the step before [s]."""
         self._measured, self._interrupted = now, ""
-        goals = self._goals
-        scale = self._avoidance.scale(now, dt, has_goal=goals.active is not None)
+        scale = self._avoidance.scale(now, dt, has_goal=self._active is not None)
         if scale is not None or self._parts.base is not None:
             self._parts.advance(dt, 1.0 if scale is None else scale, self._avoidance.room)
             self._avoidance.hurry(t)
@@ -232,10 +182,8 @@ class GoalExecutor:
         # that: then the collision is the cause.
         is_hit = collision is not None or self._avoidance.backs_off
         jam = "" if is_hit else self._parts.arm.jam(now.q, now.effort, t)
-        if goals.driving is not None:
-            touches, loses = collision is not None, bool(lost)
-            self._beside.check(ends["base"], now, t, touches=touches, loses=loses)
-        active = goals.active
+        self._check_base(ends.get("base"), collision, lost, now, t)
+        active = self._active
         if active is None:
             self.reports.warn(str(collision) if collision is not None else "", lost, jam)
             return
@@ -244,40 +192,103 @@ class GoalExecutor:
             self.reports.status(active.goal.id, "running")
         if self._ends_jammed(active, jam, t):
             return
-        if goals.companion is not None:
-            outcome = self._beside.outcome(goals.companion, ends["arm"], now, t)
+        if self._concurrent is not None:
+            outcome = self._accompanied(self._concurrent, ends["arm"], now, t)
         else:
             outcome = self._outcome(active, ends, collision, lost, t)
-        if outcome is not None and goals.returning is not None:
+        if outcome is not None and self._returning is not None:
             self.reports.warn(outcome.text if outcome.state == "failed" else "")
-            outcome = goals.returning.follow(outcome, now, t)
+            outcome = self._returning.follow(outcome, now, t)
             if outcome is None:
                 self._avoidance.join(active.goal, active.part)
         if outcome is not None:
-            goals.end(active, outcome)
+            self._end(active, outcome)
 
-    def _ends_jammed(self, active: Active, jam: str, t: float) -> bool:
-        """End the goal under way where a joint of the arm is jammed; a stop goes on."""
+    def _check_base(
+        self, end: Outcome | None, collision: Collision | None, lost: str, now: Measured, t: float
+    ) -> None:
+        """Follow the goal of the base while another part moves; end: of the base's motion."""
+        active, driving, concurrent = self._active, self._driving, self._concurrent
+        if active is None or driving is None:
+            return
+        if collision is not None or lost:
+            # Both stop; then the base backs off. The goal beside its own ends with it.
+            self._parts.rest(active.part, t, touches=collision is not None)
+            self._active, self._driving, self._concurrent = driving, None, None
+            self._stopped_beside = active
+            return
+        try:
+            if concurrent is not None:
+                concurrent.check(now, t)
+            end = self._avoidance.approach(driving.goal, "base", t) or end
+            if end is not None:
+                self._arrive(active, driving, end, now, t)
+            elif concurrent is not None and self._parts.base_stops():
+                concurrent.postpone(now, t)
+        except RunError as exc:
+            self._fail(active, failure_of(exc), t)
+
+    def _arrive(
+        self, active: ActiveGoal, driving: ActiveGoal, end: Outcome, now: Measured, t: float
+    ) -> None:
+        """Report the end of the base's goal; what moves beside it continues, unless that failed."""
+        self._driving = None
+        self._report_end(driving, end)
+        if end.state != "succeeded":
+            self._fail(active, end, t)
+            return
+        self._avoidance.join(active.goal, active.part)
+        if self._concurrent is not None:
+            self._concurrent.arrived(now, t)
+
+    def _accompanied(
+        self, concurrent: ConcurrentMotion, end: Outcome | None, now: Measured, t: float
+    ) -> Outcome | None:
+        """Return the end of an arm's goal beside the base's; end: of the arm's motion."""
+        drives = self._driving is not None
+        try:
+            end = concurrent.follow(end, now, t)
+            moves = concurrent.phase == "moves"
+            if end is None and drives and moves and self._avoidance.hindrance("arm"):
+                self._avoidance.remember()
+                concurrent.postpone(now, t, is_urgent=self._avoidance.is_urgent)
+        except RunError as exc:
+            return failure_of(exc)
+        if end is None and concurrent.phase == "moves" and not drives:
+            # From now on it is a goal like any other.
+            self._concurrent = None
+        if end is not None and end.state == "failed" and not concurrent.navigator.waits:
+            self._stop_driving(end, t)
+        return end
+
+    def _stop_driving(self, end: Outcome, t: float) -> None:
+        """Stop the base, since the arm beside it is not where it should be; end: of the arm."""
+        driving, self._driving = self._driving, None
+        if driving is not None:
+            self._parts.rest(driving.part, t)
+            self._report_end(driving, end)
+
+    def _ends_jammed(self, active: ActiveGoal, jam: str, t: float) -> bool:
+        """End the active goal where a joint of the arm is jammed; a stop goes on."""
         if not jam or active.part == "all":
             self.reports.warn(jam)
             return False
         end = Outcome(state="failed", cause=Cause.ARM_JAMMED, text=jam)
-        self._goals.returning = None
         if active.part != "arm":
-            self._goals.rest(t)
-        self._beside.stop_driving(end, t)
-        self._goals.end(active, end)
+            self._parts.rest(active.part, t)
+        self._stop_driving(end, t)
+        self._end(active, end)
         return True
 
     def _outcome(
         self,
-        active: Active,
+        active: ActiveGoal,
         ends: dict[Part, Outcome | None],
         collision: Collision | None,
         lost: str,
         t: float,
     ) -> Outcome | None:
-        """Return the end of the goal under way, once it has ended."""
+        """Return the end of the active goal, once it has ended."""
         goal, part, avoidance = active.goal, active.part, self._avoidance
         if part == "all":
             self.reports.warn(lost)
@@ -288,16 +299,52 @@ class GoalExecutor:
         if collision is not None:
             return avoidance.collide(goal, part, collision, t)
         if lost:
-            self._goals.rest(t)
+            self._parts.rest(part, t)
             return Outcome(state="failed", cause=Cause.SLIPPED, text=lost)
         if hindrance := avoidance.hindrance(part):
             return avoidance.evade(goal, part, hindrance, t)
         return avoidance.approach(goal, part, t) or ends[part]
 
-    def _stopped(self, active: Active, end: Outcome | None) -> Outcome | None:
+    def _stopped(self, active: ActiveGoal, end: Outcome | None) -> Outcome | None:
         if end is not None and end.state == "failed":
             return end
         active.arm_rests = active.arm_rests or end is not None
         if not (active.arm_rests and self._parts.base_rests()):
             return None
         return Outcome(state="succeeded", text="all is at rest")
+
+    # A goal ends
+
+    def _cancel(self, old: ActiveGoal, by: Goal) -> None:
+        text = f"goal {by.id} came before it was done"
+        self.reports.status(old.goal.id, "cancelled", text=text)
+
+    def _report_end(self, ended: ActiveGoal, outcome: Outcome) -> None:
+        self.reports.status(ended.goal.id, outcome.state, outcome.cause, outcome.text)
+
+    def _fail(self, active: ActiveGoal, failure: Outcome, t: float) -> None:
+        self._parts.rest(active.part, t)
+        self._end(active, failure)
+
+    def _end(self, active: ActiveGoal, outcome: Outcome) -> None:
+        """End the active goal; that of the base continues."""
+        if outcome.state == "succeeded" and active.part == "arm":
+            outcome = self._timed(active.goal, outcome)
+        self._report_end(active, outcome)
+        if self._concurrent is not None:
+            self._concurrent.leave(is_done=outcome.state == "succeeded")
+        self._active, self._driving, self._concurrent = self._driving, None, None
+        self._returning = None
+        beside, self._stopped_beside = self._stopped_beside, None
+        if beside is not None:
+            self._report_end(beside, outcome)
+        if self._active is not None:
+            self._avoidance.join(self._active.goal, self._active.part)
+
+    def _timed(self, goal: Goal, outcome: Outcome) -> Outcome:
+        """Return a success that names how much longer than requested it took."""
+        took = self._parts.arm.took
+        if took is None or goal.duration == 0.0 or took <= goal.duration * _LATE + 0.02:
+            return outcome
+        text = f"took {took:.2f} s instead of {goal.duration:.2f} s; {outcome.text}"
+        return Outcome(state="succeeded", cause=Cause.SLOWER, text=text)

@@ -1,4 +1,4 @@
-"""Paths of joints and of the tip, and the motion along them."""
+"""Paths of joints and of the tip, and what goals may make of them."""
 
 import math
 from bisect import bisect_right
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics import RobotModel, Vector
+from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_store.cause import Cause
 from stepbus_store.motion.ik_search import SINGULAR_BELOW
 from stepbus_store.motion.outcome import Refused
@@ -125,7 +125,7 @@ _LARGEST_STEP = 0.3
 """Of a joint between two poses [rad]; more is a jump to another branch."""
 
 
-class Lost(Refused):
+class PathLost(Refused):
     """A path of the tip that the joints cannot follow; index: of the first such pose."""
 
     def __init__(self, cause: Cause, text: str, index: int) -> None:
@@ -137,7 +137,7 @@ def follow(robot: RobotModel, tip: str, path: Sequence[TipPose], start: Vector) 
     """Return the joints along a path of the tip, staying on the branch of their start.
 
     start: where the tip is at the first pose, shape (n,) [rad]. Between two poses the joints are
-    predicted by the Jacobian, then corrected by Newton's method. Raises Lost with cause
+    predicted by the Jacobian, then corrected by Newton's method. Raises PathLost with cause
     unreachable, limits or singular where the path leaves the branch.
     """
     tracer = _Tracer(robot, tip)
@@ -151,7 +151,7 @@ def follow(robot: RobotModel, tip: str, path: Sequence[TipPose], start: Vector) 
         except Refused as exc:
             total = path[-1].u
             text = f"{exc} after {pose.u:.3f} of {total:.3f} m of the path"
-            raise Lost(exc.cause, text, index) from exc
+            raise PathLost(exc.cause, text, index) from exc
         rows.append(q)
         slopes.append(slope)
     u = np.array([pose.u for pose in path])
@@ -220,3 +220,47 @@ def _solved(jacobian: Vector, twist: Vector) -> Vector:
         except np.linalg.LinAlgError:
             pass
     return np.asarray(np.linalg.lstsq(jacobian, twist, rcond=None)[0], dtype=np.float64)
+
+
+_CHECKED_EVERY = 0.01
+"""Distance of the joint positions that are checked [rad]."""
+
+
+def check_path(path: JointPath, collisions: SelfCollisions | None, *, leaves: bool = False) -> None:
+    """Raise Refused with both links where the robot would touch itself on a path of the tip.
+
+    leaves: the robot is at its start, and may leave what it touches there.
+    """
+    if collisions is None:
+        return
+    far = float(np.abs(np.diff(path.q, axis=0)).max(axis=1).sum())
+    count = max(math.ceil(far / _CHECKED_EVERY), 1)
+    known = collisions.pair(path.q[0]) if leaves else None
+    for u in np.linspace(path.u[0], path.u[-1], count + 1):
+        q, _, _ = path.at(float(u))
+        pair = collisions.pair(q) if collisions.any(q) else None
+        if pair is not None and pair != known:
+            text = f"{pair[0]} would touch {pair[1]} after {u - path.u[0]:.3f} m of the path"
+            raise Refused(Cause.IN_COLLISION, text)
+
+
+_AT_ONCE = 1e-6
+"""Distance of a target that needs no motion [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """Joint positions to go to, shape (n,) [rad].
+
+    paths: of the joints from there on, over the length of the tip's path [m]. text: description.
+    holds: whether the motors can hold the arm there.
+    """
+
+    target: Vector
+    paths: tuple[JointPath, ...] = ()
+    text: str = ""
+    holds: bool = True
+
+    def is_at(self, q: Vector) -> bool:
+        """Return whether joint positions are those to go to, shape (n,) [rad]."""
+        return float(np.abs(self.target - q).max()) < _AT_ONCE

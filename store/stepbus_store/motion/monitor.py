@@ -198,17 +198,17 @@ class CollisionMonitor:
             gap=max(nearest.distance, 0.0) if nearest else self._params.slow_within,
             room=max(min(rooms, default=math.inf), 0.0),
             scale=scale,
-            strange=self._strange(closing, dt, speed_of, base_speed),
+            unexpected=self._unexpected(closing, dt, speed_of, base_speed),
         )
 
-    def _strange(
+    def _unexpected(
         self,
         closing: list[_Row],
         dt: float,
         speed_of: Callable[[str], tuple[float, float]],
         base_speed: float,
     ) -> tuple[tuple[Approach, float], ...]:
-        """Return the pairs of `Watch.strange`; dt: since the last contacts [s].
+        """Return the pairs of `Watch.unexpected`; dt: since the last contacts [s].
 
         What appears all of a sudden comes as fast as the link moves at all.
         """

@@ -9,7 +9,7 @@ from stepbus_store.cause import Cause
 from stepbus_store.motion.back_to_rest import StowCondition
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.gripper import Gripper, Scale
-from stepbus_store.motion.manipulator.manipulator import Manipulator
+from stepbus_store.motion.manipulator import Manipulator
 from stepbus_store.motion.monitor import Moves
 from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
@@ -157,3 +157,9 @@ class Parts:
     def base_rests(self) -> bool:
         """Return whether no base follows a reference that moves."""
         return self.base is None or not self.base.is_moving
+
+    def base_stops(self) -> bool:
+        """Return whether the base is brought to rest before it has arrived."""
+        base, navigator = self.base, self.navigator
+        held_up = navigator is not None and navigator.is_held_up and not navigator.drives
+        return base is not None and (base.is_halting or (held_up and base.is_moving))

@@ -11,10 +11,15 @@ from stepbus_store.cause import Cause
 from stepbus_store.motion.fitting import is_strong_enough, sampled
 from stepbus_store.motion.follow import JointPath
 from stepbus_store.motion.joint_clock import MotionClock
-from stepbus_store.motion.joint_motion import JointMotion, Motion, MotionLimits, stop_from
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.joint_motion import (
+    JointMotion,
+    ManipulatorOptions,
+    Motion,
+    MotionLimits,
+    stop_from,
+)
 from stepbus_store.motion.outcome import Refused
-from stepbus_store.motion.trajectory import Joined, Rest, Retimed, Timed, Trajectory
+from stepbus_store.motion.trajectory import AtRest, Joined, Retimed, Timed, Trajectory
 
 
 def planned(
@@ -174,7 +179,7 @@ class MotionPlayer:
 
     def rest(self, q: Vector) -> None:
         """Stand still at q, shape (n,) [rad], clipped to the limits."""
-        self.start(Rest(np.clip(q, self._robot.lower, self._robot.upper)))
+        self.start(AtRest(np.clip(q, self._robot.lower, self._robot.upper)))
 
     def brake(self, now: JointMotion, *, hard: bool = False, holds: bool = False) -> Vector:
         """Start to come to rest; return where that will be, shape (n,) [rad].
@@ -182,7 +187,7 @@ class MotionPlayer:
         holds: it stops no harder than the gripper can hold something.
         """
         if not now.is_moving:
-            self.start(Rest(now.position))
+            self.start(AtRest(now.position))
             return now.position
         motion = self._stop(now, hard=hard, holds=holds)
         self.start(motion)

@@ -105,9 +105,9 @@ class Watch:
     """The contacts and gaps of a step.
 
     collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
-    not touch, and `gap` its distance [m]; None: nothing is near. strange: the pairs of which one is
-    no link of the robot, and the distance that the hardest stop of the arm would leave, below 0: it
-    would not; the least one first. room: for the base, the distance to the closest thing, longer
+    not touch, and `gap` its distance [m]; None: nothing is near. unexpected: the pairs of which one
+    is no link of the robot, and the distance that the hardest stop of the arm would leave, below 0:
+    it would not; the least one first. room: for the base, the distance to the closest thing, longer
     for what it passes by [m]. scale: share of the full speed, 0 to 1.
     """
 
@@ -116,7 +116,7 @@ class Watch:
     gap: float
     scale: float
     room: float = math.inf
-    strange: tuple[tuple[Approach, float], ...] = ()
+    unexpected: tuple[tuple[Approach, float], ...] = ()
 
 
 _SAME_PLACE = 0.02
@@ -129,7 +129,7 @@ _NOISE = (2e-4, 0.1)
 _ON_LINE = 1e-3
 """A line, which may lead close past things, ends before it is nearer than this [m]."""
 
-Strange = Sequence[tuple[Approach, float]]
+Unexpected = Sequence[tuple[Approach, float]]
 """Pairs of the robot with something else, and what the hardest stop would leave of each gap [m]."""
 
 
@@ -150,20 +150,20 @@ class SensedThings:
         """Return the things that have stopped the arm."""
         return frozenset(self._places)
 
-    def update(self, strange: Strange, *, is_moving: bool) -> None:
+    def update(self, unexpected: Unexpected, *, is_moving: bool) -> None:
         """Update with the pairs of a step; is_moving: the arm moves."""
-        others = {near.other for near, _ in strange}
+        others = {near.other for near, _ in unexpected}
         self._places = {other: at for other, at in self._places.items() if other in others}
         if not is_moving:
-            self._at_rest = {near.pair: near.gap for near, _ in strange}
+            self._at_rest = {near.pair: near.gap for near, _ in unexpected}
 
-    def hindrance(self, strange: Strange, *, on_plan: bool) -> Approach | None:
+    def hindrance(self, unexpected: Unexpected, *, on_plan: bool) -> Approach | None:
         """Return the obstacle to stop for; None: none. on_plan: the arm is on a planner's path.
 
         What is close from the start on may stay so, but not come closer. On a line, only what has
         stopped the arm before counts.
         """
-        for near, left in strange:
+        for near, left in unexpected:
             start = self._at_rest.get(near.pair)
             if near.other in self._places:
                 least = self._stop_within if on_plan else _ON_LINE

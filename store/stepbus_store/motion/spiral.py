@@ -8,11 +8,20 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics import RobotModel, Vector
+from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_schemas import Goal
 from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
-from stepbus_store.motion.follow import EVERY_M, JointPath, Lost, TipPose, follow, line
+from stepbus_store.motion.follow import (
+    EVERY_M,
+    Candidate,
+    JointPath,
+    PathLost,
+    TipPose,
+    check_path,
+    follow,
+    line,
+)
 from stepbus_store.motion.outcome import FARTHEST, Refused
 
 
@@ -92,31 +101,27 @@ _MOST_STARTS = 16
 """Solutions at the first point that are tried; full turns of joints count."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SpiralPath:
-    """Joints along a spiral: from its first point to its last, then straight to the end.
-
-    start: shape (n,) [rad]. paths: over the length of the tip's path [m]. text: a description.
-    """
-
-    start: Vector
-    paths: list[JointPath]
-    text: str
-
-
 class SpiralPlanner:
     """Finds joints along spirals, for each solution at the first point.
 
-    turn_radius: length that a turn of 1 rad counts on the line to the end [m].
+    turn_radius: length that a turn of 1 rad counts on the line to the end [m]. collisions: of the
+    robot with itself; None: not checked.
     """
 
-    def __init__(self, robot: RobotModel, solver: BranchSolver, turn_radius: float) -> None:
+    def __init__(
+        self,
+        robot: RobotModel,
+        solver: BranchSolver,
+        turn_radius: float,
+        collisions: SelfCollisions | None = None,
+    ) -> None:
         self._robot = robot
+        self._collisions = collisions
         self._solver = solver
         self._turn_radius = turn_radius
 
-    def solve(self, goal: Goal, frame: Any, target: Any, q: Vector) -> Iterator[SpiralPath]:
-        """Return paths that the joints can follow, the one nearest to q, shape (n,) [rad], first.
+    def solve(self, goal: Goal, frame: Any, target: Any, q: Vector) -> Iterator[Candidate]:
+        """Yield paths that the joints can follow, the one nearest to q, shape (n,) [rad], first.
 
         frame: of the goal, target: of the tip at the end, both `pinocchio.SE3` in the robot's base.
         Raises Refused for a goal that is no spiral, and where the joints can follow none.
@@ -127,12 +132,14 @@ class SpiralPlanner:
         works = False
         for start in starts[:_MOST_STARTS]:
             try:
-                path = self._path(goal.tip, spiral, start, target)
+                candidate = self._path(goal.tip, spiral, start, target)
+                for path in candidate.paths:
+                    check_path(path, self._collisions)
             except Refused as exc:
                 problem = problem or exc
                 continue
             works = True
-            yield path
+            yield candidate
         if not works and problem is not None:
             raise problem
 
@@ -177,7 +184,7 @@ class SpiralPlanner:
                 pose.translation = pose.translation + np.array([0, 0, _RAISE_BY])
         return replace(spiral, raised=raised)
 
-    def _path(self, tip: str, spiral: SpiralCurve, start: Vector, target: Any) -> SpiralPath:
+    def _path(self, tip: str, spiral: SpiralCurve, start: Vector, target: Any) -> Candidate:
         spiral, around = self._around(tip, spiral, start)
         paths = [around]
         rest = line(spiral.at(1.0)[0], target, self._turn_radius)
@@ -190,7 +197,7 @@ class SpiralPlanner:
             text += f", {count} of its {len(spiral.raised)} points raised by up to {by:.2f} m"
         if rest:
             text += f", then {rest[-1].u:.2f} m straight"
-        return SpiralPath(start=start, paths=paths, text=text)
+        return Candidate(target=start, paths=tuple(paths), text=text)
 
     def _around(
         self, tip: str, spiral: SpiralCurve, start: Vector
@@ -201,7 +208,7 @@ class SpiralPlanner:
             poses = spiral.poses()
             try:
                 return spiral, follow(self._robot, tip, poses, start)
-            except Lost as exc:
+            except PathLost as exc:
                 index = min(exc.index * gaps // (len(poses) - 1), gaps - 1)
                 raised = spiral.raised.copy()
                 # The first point stays: this solution is for it.

@@ -94,7 +94,7 @@ class Joined:
         return self._parts[-1].at(t)
 
 
-class Rest:
+class AtRest:
     """Standing still at positions of shape (n,) [rad]."""
 
     def __init__(self, q: Vector) -> None:

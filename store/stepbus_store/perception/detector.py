@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
+import pinocchio as pin
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Quaternion, WiringError
 from stepbus_store.perception.faces import Mask, Patch, Scene
-from stepbus_store.perception.images import Pose, View, turn_about_z
+from stepbus_store.perception.images import View, turn_about_z
 from stepbus_store.perception.item_catalog import MARGIN, Catalog, Face, ItemType
 from stepbus_store.perception.outlines import fit
 from stepbus_store.perception.segments import Palette, denoised, split, visible_share
@@ -192,12 +194,12 @@ class Detector:
         self._depth_noise = depth_noise
 
     def look(
-        self, view: View, camera: Pose, spot: tuple[float, float, float] | None = None
+        self, view: View, camera: Any, spot: tuple[float, float, float] | None = None
     ) -> tuple[list[Detection], float]:
         """Return the items in a view, by type, then by x, and the share of a spot that is hidden.
 
-        camera: pose of the optical frame in a frame with z up; the detections are in that frame.
-        spot: in that frame [m]; None: nothing is hidden.
+        camera: pose of the optical frame in a frame with z up, a `pinocchio.SE3`; the detections
+        are in that frame. spot: in that frame [m]; None: nothing is hidden.
         """
         if self._depth_noise:
             view = denoised(view, self._depth_noise)
@@ -262,8 +264,7 @@ def _find(scene: Scene, among: Mask, patch: Patch, item_type: ItemType, face: Fa
         type=item_type.name,
         position=(x, y, z),
         yaw=yaw,
-        confidence=sharpness
-        * visible_share(scene, among, item_type, Pose(rotation=axes, position=origin)),
+        confidence=sharpness * visible_share(scene, among, item_type, pin.SE3(axes, origin)),
     )
 
 

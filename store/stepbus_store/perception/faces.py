@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_kinematics import Indices, Vector
-from stepbus_store.perception.images import Pose, View
+from stepbus_store.perception.images import View
 
 Mask = NDArray[np.bool_]
 _SLOPE = 0.3
@@ -40,10 +40,10 @@ class Patch:
 class Scene:
     """The points of a view in a frame with z up.
 
-    camera: pose of the optical frame in that frame.
+    camera: pose of the optical frame in that frame, a `pinocchio.SE3`.
     """
 
-    def __init__(self, view: View, camera: Pose) -> None:
+    def __init__(self, view: View, camera: Any) -> None:
         self._view = view
         self._camera = camera
         self._pixel_rays = _pixel_rays(view.depth.shape, view.focal, view.centre)
@@ -52,7 +52,7 @@ class Scene:
         rays_z = self._pixel_rays @ camera.rotation[2]
         with np.errstate(invalid="ignore"):
             self._height: Vector = np.where(
-                self._known, camera.position[2] + depth * rays_z, -np.inf
+                self._known, camera.translation[2] + depth * rays_z, -np.inf
             )
         with np.errstate(divide="ignore"):
             self._pixel_area = view.depth**2 / (view.focal[0] * view.focal[1] * np.abs(rays_z))
@@ -74,7 +74,7 @@ class Scene:
         """Return the points that pixels show, shape (..., 3) [m]; of unknown depth: the camera."""
         reach = np.where(known, self._view.depth[rows, columns], 0.0)[..., None]
         rays = self._pixel_rays[rows, columns]
-        seen: Vector = self._camera.position + (rays * reach) @ self._camera.rotation.T
+        seen: Vector = self._camera.translation + (rays * reach) @ self._camera.rotation.T
         return seen
 
     def points(self, among: Mask) -> tuple[Indices, Indices, Vector]:
@@ -114,7 +114,7 @@ class Scene:
     def _pixels(self, points: Vector) -> tuple[Indices, Indices, Mask]:
         """Return column and row of points, shape (n, 3) [m], and which are within the image."""
         view, camera = self._view, self._camera
-        local = (points - camera.position) @ camera.rotation
+        local = (points - camera.translation) @ camera.rotation
         ahead = local[:, 2] > 0
         scale = view.focal / np.where(ahead, local[:, 2], 1.0)[:, None]
         u, v = np.rint(local[:, :2] * scale + view.centre).astype(np.intp).T
@@ -183,8 +183,8 @@ class Scene:
     def _on_plane(self, u: NDArray[np.generic], v: NDArray[np.generic], height: float) -> Vector:
         """Return x, y, shape (n, 2) [m], where the rays of pixels reach a height."""
         rays = _rays(u, v, self._view.focal, self._view.centre) @ self._camera.rotation.T
-        reach = (height - self._camera.position[2]) / rays[:, 2]
-        points: Vector = self._camera.position[:2] + rays[:, :2] * reach[:, None]
+        reach = (height - self._camera.translation[2]) / rays[:, 2]
+        points: Vector = self._camera.translation[:2] + rays[:, :2] * reach[:, None]
         return points
 
 

@@ -1,38 +1,13 @@
-"""Rotations and poses in space."""
+"""The images of a camera."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_kinematics import Vector
 from stepbus_schemas import Image, Quaternion, RunError
-
-
-@dataclass(frozen=True, kw_only=True)
-class Pose:
-    """The pose of a frame in another one.
-
-    rotation: shape (3, 3), its axes as columns. position: shape (3,) [m].
-    """
-
-    rotation: Vector
-    position: Vector
-
-
-def inverse_times(one: Sequence[float], other: Sequence[float]) -> Quaternion:
-    """Return conj(one)·other, the orientation of `other` in `one`; quaternions x, y, z, w."""
-    ax, ay, az, aw = -one[0], -one[1], -one[2], one[3]
-    bx, by, bz, bw = other
-    return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
 
 
 def turn_about_z(yaw: float) -> Quaternion:

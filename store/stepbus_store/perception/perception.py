@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
-from stepbus_kinematics import JointOrder
+from stepbus_kinematics import JointOrder, RobotModel
 from stepbus_participant import (
     Config,
     Participant,
@@ -29,7 +29,7 @@ from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import View, make_view
 from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
 from stepbus_store.perception.params import Params
-from stepbus_store.perception.sources import CameraMount, Truth
+from stepbus_store.perception.truth import Truth
 
 
 class Perception(Participant):
@@ -58,11 +58,13 @@ class Perception(Participant):
             ports.problems.add(("inputs",), f"{text}, colour and depth")
         params = self._params = config.read(Params, ports.problems)
         self._every = max(1, round(params.period * 1e9 / (config.step_ns * config.every)))
-        self._mount: CameraMount | None = None
+        self._robot: RobotModel | None = None
         if params.source == "camera" and params.model is not None:
             problems = config.problems().below(("params",))
-            files = (params.model, params.joints or (), params.camera, params.frame)
-            self._mount = problems.attempt(("model",), lambda: CameraMount(*files))
+            model, links = params.model, (params.frame, params.camera)
+            self._robot = problems.attempt(
+                ("model",), lambda: RobotModel(model, params.joints or (), links=links)
+            )
             problems.refuse()
         # Joints and requests from the time on when the camera took what it puts out now.
         self._since: deque[tuple[JointState | None, CameraTrigger | None]] = deque(maxlen=1)
@@ -75,13 +77,13 @@ class Perception(Participant):
         port, params = self._poses_port, self._params
         described = inputs[port]
         catalog = read_catalog(port, described)
-        if self._mount is not None:
-            self._start_camera(self._mount, catalog, inputs)
+        if self._robot is not None:
+            self._start_camera(self._robot, catalog, inputs)
         else:
             self._truth = Truth(port, described.names, catalog, params.frame, params.prefix)
 
     def _start_camera(
-        self, mount: CameraMount, catalog: Catalog, inputs: Mapping[str, Description]
+        self, robot: RobotModel, catalog: Catalog, inputs: Mapping[str, Description]
     ) -> None:
         params, port = self._params, self._poses_port
         if params.landmark:
@@ -92,20 +94,20 @@ class Perception(Participant):
         steps = parse_duration(late[0]) // self.config.step_ns if late else 0
         self._since = deque(maxlen=1 + steps // self.config.every)
         self._detector = Detector(catalog, params.min_confidence, params.depth_noise)
-        joints = [params.prefix + joint for joint in mount.joints]
+        joints = [params.prefix + joint for joint in robot.joints]
         self._order = JointOrder(self._state_port, inputs[self._state_port].names, joints)
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return new detections when they are due."""
-        if self._mount is None:
+        if self._robot is None:
             poses = step.get(self._poses_port, Poses)
             due = (step.index // self.config.every) % self._every == 0
             detections = self._truth.detections(poses) if due and poses is not None else None
         else:
-            detections = self._from_images(step, self._mount)
+            detections = self._from_images(step, self._robot)
         return {} if detections is None else {self._detections_port: detections}
 
-    def _from_images(self, step: Step, mount: CameraMount) -> Detections | None:
+    def _from_images(self, step: Step, robot: RobotModel) -> Detections | None:
         port = self._request_port
         request = step.get(port, CameraTrigger) if port and step.is_new(port) else None
         self._since.append((step.get(self._state_port, JointState), request))
@@ -115,10 +117,10 @@ class Perception(Participant):
         state, request = self._since[0]
         if state is None:
             state = step.read(self._state_port, JointState)
-        return self._detections(mount, view, state, request)
+        return self._detections(robot, view, state, request)
 
     def _detections(
-        self, mount: CameraMount, view: View, state: JointState, request: CameraTrigger | None
+        self, robot: RobotModel, view: View, state: JointState, request: CameraTrigger | None
     ) -> Detections:
         """Return the items in a view; state, request: at the time of its exposure.
 
@@ -131,7 +133,8 @@ class Perception(Participant):
         if request is not None and spot is not None and request.frame != frame:
             text = f"the position to look at has the frame {request.frame!r}"
             raise RunError(f"{text}; it must be {frame!r}")
-        items, hidden = self._detector.look(view, mount.pose(angles), spot)
+        base, camera = (robot.frame_pose(angles, name) for name in (frame, self._params.camera))
+        items, hidden = self._detector.look(view, base.actInv(camera), spot)
         return Detections(
             frame=frame,
             types=[item.type for item in items],
@@ -144,7 +147,7 @@ class Perception(Participant):
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the result."""
         versions = {name: installed_version(name) for name in ("numpy", "pin")}
-        if self._mount is not None:
+        if self._robot is not None:
             # OpenCV comes in packages with different names.
             versions["opencv"] = cv2.__version__
         return versions

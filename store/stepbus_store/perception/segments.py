@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_store.perception.faces import LEVELS_APART, Mask, Patch, Scene
-from stepbus_store.perception.images import Pose, View
+from stepbus_store.perception.images import View
 from stepbus_store.perception.item_catalog import MARGIN, ItemType
 
 _WINDOW = 7
@@ -83,20 +84,20 @@ _CONTRADICTED = 0.15
 """An item is ruled out if the camera sees through more than this share of its top faces."""
 
 
-def visible_share(scene: Scene, among: Mask, item_type: ItemType, pose: Pose) -> float:
+def visible_share(scene: Scene, among: Mask, item_type: ItemType, pose: Any) -> float:
     """Return the visible share of an item's top faces, 0 to 1.
 
-    among: pixels with the colour of the type, shape (h, w). pose: of the item's link. What other
-    objects occlude, and what is outside the image, is not visible; what the item itself occludes
-    does not count. 0: the view shows that there is no such item.
+    among: pixels with the colour of the type, shape (h, w). pose: of the item's link, a
+    `pinocchio.SE3`. What other objects occlude, and what is outside the image, is not visible; what
+    the item itself occludes does not count. 0: the view shows that there is no such item.
     """
-    samples = item_type.samples @ pose.rotation.T + pose.position
+    samples = item_type.samples @ pose.rotation.T + pose.translation
     seen, there, colored = scene.probe(samples, among)
     off = seen[:, 2] - samples[:, 2]
     right = colored & (np.abs(off) < LEVELS_APART)
     wrong = there & ~right & (off < LEVELS_APART)
     hidden = there & ~right & ~wrong
-    local = (seen - pose.position) @ pose.rotation
+    local = (seen - pose.translation) @ pose.rotation
     beyond = np.min([face.beyond(local[:, :2]) for face in item_type.faces], axis=0)
     top = item_type.faces[0].offset[2] + LEVELS_APART
     itself = hidden & colored & (beyond < MARGIN) & (local[:, 2] < top)

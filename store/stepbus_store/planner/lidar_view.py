@@ -105,7 +105,7 @@ class RouteMonitor:
     """Watches a route for what comes into its way.
 
     request_id: of the route. route: its poses, the start first [m, rad]. known: what was seen when
-    it was planned. radius, half_width: of the room that it left, see `BasePlanner` [m].
+    it was planned. half_width: of the room that it left, see `BasePlanner` [m].
     """
 
     def __init__(

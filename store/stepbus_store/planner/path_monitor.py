@@ -58,16 +58,14 @@ class PathMonitor:
         t: float,
         map_in_world: Any,
     ) -> None:
-        robot, obstacles, settings = planner.robot, planner.obstacles, planner.settings
-        self._robot, self._obstacles, self._settings = robot, obstacles, settings
+        robot, obstacles, tip = planner.robot, planner.obstacles, planner.tip
+        self._robot, self._obstacles, self._planner = robot, obstacles, planner
         self._request, self._before = request, poses
         self._until = t + _LONGEST * plan.times[-1] + (_LONGEST_GIVEN if request.path else 0.0)
         self._path = np.array([*plan.position, *request.path])
         self._checked: Mapping[str, Any] = {}
-        self._tip_index = obstacles.index_of(settings.tip)
-        self._tips: Vector = np.array(
-            [robot.frame_pose(q, settings.tip).translation for q in self._path]
-        )
+        self._tip_index = obstacles.index_of(tip)
+        self._tips: Vector = np.array([robot.frame_pose(q, tip).translation for q in self._path])
         self._start_of_held = obstacles.placements(poses).get(request.held)
         self._bases = [map_in_world * on_floor(base) for base in request.bases]
         if self._bases and _apart(self._bases[-1], obstacles.frame_in_world(poses)) < _MOVED:
@@ -138,7 +136,7 @@ class PathMonitor:
             return ""
         base, hit = first
         which = next((n for n in moved if not self._checker([n], poses, base).is_free(hit)), "")
-        tip = self._settings.tip
+        tip = self._planner.tip
         there = self._robot.frame_pose(hit, tip).translation
         here = self._robot.frame_pose(ahead[0], tip).translation
         return f"{which} blocks the path {np.linalg.norm(there - here):.2f} m ahead of {tip}"
@@ -158,10 +156,10 @@ class PathMonitor:
             placements=placements,
             held=held,
             touches=frozenset(self._request.touches),
-            tip=self._settings.tip,
-            fingers=fingers_at(self._robot, obstacles, self._before, self._settings.tip),
+            tip=self._planner.tip,
+            fingers=fingers_at(self._robot, obstacles, self._before, self._planner.tip),
         )
-        scene = Scene(self._robot, around, self._path[0], self._settings.margins)
+        scene = Scene(self._robot, around, self._path[0], self._planner.margins)
         return scene.checker_of(frozenset(names), _SHARE)
 
 

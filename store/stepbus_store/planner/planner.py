@@ -28,7 +28,7 @@ from stepbus_store.planner.lidar_view import LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
 from stepbus_store.planner.params import Params
 from stepbus_store.planner.path_monitor import PathMonitor
-from stepbus_store.planner.planning import PathPlanner, PlanningSettings, is_check, map_in_world
+from stepbus_store.planner.planning import PathPlanner, is_check, map_in_world
 from stepbus_store.planner.scene import Margins
 from stepbus_store.planner.timing import Limits
 
@@ -36,24 +36,6 @@ _EFFORT_SHARE = 0.8
 """Of the URDF's effort limits; the rest is for following the plan."""
 
 _LONGEST_SAMPLE_NS = 20_000_000
-
-
-def _read_planning(config: Config, params: Params, robot: PlannedRobot) -> PlanningSettings:
-    step_ns = config.every * config.step_ns
-    limits = Limits(
-        velocity=np.minimum(params.velocity_limit.of(robot.joints), robot.velocity_limit),
-        acceleration=np.array(params.acceleration_limit.of(robot.joints)),
-        jerk=np.array(params.jerk_limit.of(robot.joints)),
-        effort=_EFFORT_SHARE * robot.effort_limit,
-    )
-    return PlanningSettings(
-        tip=params.tip,
-        margins=Margins(robot=params.margin),
-        limits=limits,
-        max_checks=params.max_checks,
-        # Whole steps, if they are below 20 ms.
-        period=max(_LONGEST_SAMPLE_NS // step_ns, 1) * min(step_ns, _LONGEST_SAMPLE_NS) * 1e-9,
-    )
 
 
 Level = Literal["info", "warning"]
@@ -106,8 +88,16 @@ class Planner(Participant):
         if robot is None:
             raise problems.error()
         self._robot = robot
-        self._planning = _read_planning(config, params, robot)
+        self._limits = Limits(
+            velocity=np.minimum(params.velocity_limit.of(robot.joints), robot.velocity_limit),
+            acceleration=np.array(params.acceleration_limit.of(robot.joints)),
+            jerk=np.array(params.jerk_limit.of(robot.joints)),
+            effort=_EFFORT_SHARE * robot.effort_limit,
+        )
         period_ns = config.every * config.step_ns
+        # Whole steps, if they are below 20 ms.
+        steps = max(_LONGEST_SAMPLE_NS // period_ns, 1)
+        self._sample = steps * min(period_ns, _LONGEST_SAMPLE_NS) * 1e-9
         self._names = [params.prefix + joint for joint in self._robot.joints]
         self._latency = -(-params.latency_ns // period_ns) * config.every
         self._check_latency = -(-params.check_latency_ns // period_ns) * config.every
@@ -123,7 +113,7 @@ class Planner(Participant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the plans, and their limits."""
-        robot, limits = self._robot, self._planning.limits
+        robot, limits = self._robot, self._limits
         limits_of = {
             "lower": robot.lower.tolist(),
             "upper": robot.upper.tolist(),
@@ -142,7 +132,16 @@ class Planner(Participant):
             raise WiringError(f"{text}, params.joints are {', '.join(self._names)}")
         described, frame = inputs[self._map_port], params.prefix + params.frame
         obstacles = Obstacles(self._map_port, described, frame, params.prefix)
-        self.planner = PathPlanner(self._robot, obstacles, self._planning, self.config.seed)
+        self.planner = PathPlanner(
+            robot=self._robot,
+            obstacles=obstacles,
+            tip=params.tip,
+            margins=Margins(robot=params.margin),
+            limits=self._limits,
+            max_checks=params.max_checks,
+            period=self._sample,
+            seed=self.config.seed,
+        )
         self._base_planner = BasePlanner(obstacles, params)
         self._obstacles = obstacles
         self._view = LidarView({port: self._mount(port, inputs[port]) for port in self._scan_ports})

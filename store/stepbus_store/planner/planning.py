@@ -36,21 +36,6 @@ BESIDE_RESOLUTION = 3.0
 """The same, at poses of the base other than that of the plan."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlanningSettings:
-    """The settings for every request.
-
-    tip: frame that a held object moves with. max_checks: limit on collision checks. period: between
-    two samples of a plan [s].
-    """
-
-    tip: str
-    margins: Margins
-    limits: Limits
-    max_checks: int
-    period: float
-
-
 def is_check(request: PlanRequest) -> bool:
     """Return whether a request is for the check of a path only."""
     return bool(request.path) and request.start == request.goal
@@ -94,16 +79,22 @@ class Cancelled(Exception):
     """The request was cancelled."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PathPlanner:
     """Answers requests: by a straight path if it is free, else by a search.
 
-    The answer depends on robot, obstacles, settings, seed, request and poses only.
+    The answer depends on these fields, the request and the poses only. tip: frame that a held
+    object moves with. max_checks: limit on collision checks. period: between two samples of a plan
+    [s].
     """
 
     robot: PlannedRobot
     obstacles: Obstacles
-    settings: PlanningSettings
+    tip: str
+    margins: Margins
+    limits: Limits
+    max_checks: int
+    period: float
     seed: int
 
     def plan(
@@ -137,8 +128,7 @@ class _Planning:
         cancelled: Callable[[], bool],
         map_in_world: Any,
     ) -> None:
-        self._robot, self._obstacles = planner.robot, planner.obstacles
-        self._settings, self._seed = planner.settings, planner.seed
+        self._planner, self._robot, self._obstacles = planner, planner.robot, planner.obstacles
         self._request = request
         self._cancelled = cancelled
         self._start = self._joints("start", request.start)
@@ -176,7 +166,7 @@ class _Planning:
         if request.bases and map_in_world is None:
             raise NoPlan(Cause.BAD_REQUEST, "bases need a request of the base before them")
         here = self._obstacles.placements(poses)
-        fingers = fingers_at(self._robot, self._obstacles, poses, self._settings.tip)
+        fingers = fingers_at(self._robot, self._obstacles, poses, self._planner.tip)
         frames = [map_in_world * on_floor(base) for base in request.bases] or [None]
         scenes = []
         for frame in frames:
@@ -188,15 +178,15 @@ class _Planning:
                 placements=placements,
                 held=request.held,
                 touches=frozenset(request.touches),
-                tip=self._settings.tip,
+                tip=self._planner.tip,
                 fingers=fingers,
             )
-            scenes.append(Scene(self._robot, around, self._start, self._settings.margins))
+            scenes.append(Scene(self._robot, around, self._start, self._planner.margins))
         return scenes
 
     def answer(self) -> Plan:
         """Return the plan; raises NoPlan if there is none."""
-        self._robot.carry(self._request.load, self._settings.tip)
+        self._robot.carry(self._request.load, self._planner.tip)
         checked = self._check_path() if self._path else ""
         if is_check(self._request):
             return self._standing(checked)
@@ -206,7 +196,7 @@ class _Planning:
             return self._standing("the joints are at the goal")
         checker = self._scene.checker([self._start, self._goal])
         last = self._scene.checker([self._start, self._goal], _LAST_SHARE)
-        limits, period = self._settings.limits, self._settings.period
+        limits, period = self._planner.limits, self._planner.period
         overloading: Vector | None = None
         for path, name in self._paths(checker):
             motion = parametrize(path, limits, self._robot.inverse_dynamics, period)
@@ -224,7 +214,7 @@ class _Planning:
         path = np.array([self._goal, *self._path])
         fine = dense(path, RESOLUTION * _LAST_RESOLUTION)
         checker = self._scene.path_checker(fine[0], fine[-1])
-        tip = self._settings.tip
+        tip = self._planner.tip
         for q in fine:
             if not checker.is_free(q):
                 touch = self._scene.closest(q, checker) or "something is too close"
@@ -244,11 +234,11 @@ class _Planning:
         if all(map(checker.is_free, dense(straight, RESOLUTION))):
             yield straight, "straight path"
         lower, upper = np.minimum(*straight) - _AROUND, np.maximum(*straight) + _AROUND
-        seed = np.random.SeedSequence([self._seed, self._request.id]).generate_state(1)[0]
+        seed = np.random.SeedSequence([self._planner.seed, self._request.id]).generate_state(1)[0]
         search = Search(
             lower=np.maximum(lower, self._robot.lower),
             upper=np.minimum(upper, self._robot.upper),
-            max_checks=self._settings.max_checks,
+            max_checks=self._planner.max_checks,
             seed=int(seed) + 1,
         )
 
@@ -263,7 +253,7 @@ class _Planning:
 
     def _overload(self, path: Vector) -> str:
         """Return which motor is too weak for a path without a trajectory."""
-        limits, rest = self._settings.limits, np.zeros(len(self._start))
+        limits, rest = self._planner.limits, np.zeros(len(self._start))
         points = dense(path, RESOLUTION)
         torque = np.abs([self._robot.inverse_dynamics(q, rest, rest) for q in points]).max(axis=0)
         worst = int(np.argmax(torque / limits.effort))
@@ -298,7 +288,7 @@ class _Planning:
         return Plan(
             id=self._request.id,
             text=text,
-            times=[0.0, self._settings.period],
+            times=[0.0, self._planner.period],
             position=[self._goal.tolist()] * 2,
             velocity=[[0.0] * len(self._goal)] * 2,
         )

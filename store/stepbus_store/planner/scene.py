@@ -53,7 +53,7 @@ class Surroundings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Touch:
+class LinkContact:
     """Two links that touch; distance: between them, negative if they penetrate [m]."""
 
     first: str
@@ -156,15 +156,15 @@ class Scene:
                 if items[mine].parentJoint != items[part].parentJoint:
                     add(pin.CollisionPair(mine, part))
 
-    def touch(self, q: Vector) -> Touch | None:
+    def touch(self, q: Vector) -> LinkContact | None:
         """Return the two links that penetrate most at q, shape (n,) [rad]; None: none touch."""
         return self._closest(q, self._deepest)
 
-    def closest(self, q: Vector, checker: Checker) -> Touch | None:
+    def closest(self, q: Vector, checker: Checker) -> LinkContact | None:
         """Return the two links that keep their margin least at q, shape (n,) [rad]."""
         return self._closest(q, checker.margins)
 
-    def _closest(self, q: Vector, margins: Vector) -> Touch | None:
+    def _closest(self, q: Vector, margins: Vector) -> LinkContact | None:
         distance = self._distances_at(q)
         if not len(distance):
             return None
@@ -173,7 +173,7 @@ class Scene:
             return None
         pair = self._geometry.collisionPairs[worst]
         first, second = self.links[pair.first], self.links[pair.second]
-        return Touch(first=first, second=second, distance=float(distance[worst]))
+        return LinkContact(first=first, second=second, distance=float(distance[worst]))
 
     def _distances_at(self, q: Vector) -> Vector:
         robot = self._robot

@@ -2,10 +2,8 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -34,27 +32,6 @@ LogEntry = tuple[bool, str]
 
 _MOST_REJECTED = 100
 _OVER = ("succeeded", "failed", "cancelled")
-
-
-class ReachablePoses:
-    """Draws reachable poses of a robot from joint positions within its limits.
-
-    path: URDF. frame: that the poses are given in. seed: of the draw.
-    Raises WiringError for a file that is not a URDF, or an unknown frame or tip.
-    """
-
-    def __init__(self, path: Path, frame: str, tips: Iterable[str], seed: int) -> None:
-        self._robot = RobotModel(path, links=(frame, *tips))
-        self._frame = frame
-        self._random = np.random.Generator(np.random.PCG64(seed))
-
-    def draw(self, tip: str) -> Any:
-        """Return a pose of a frame, as `pinocchio.SE3`; joints that do not move it are neutral."""
-        robot = self._robot
-        q = np.zeros(len(robot.joints))
-        for index in robot.chain(tip):
-            q[index] = self._random.uniform(robot.lower[index], robot.upper[index])
-        return robot.frame_pose(q, self._frame).actInv(robot.frame_pose(q, tip))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,12 +99,12 @@ class RoundTrip(Participant):
         self._event_port, self._summary_port = ports.event_outputs()
         ports.outputs_are("Goal/1", "Event/1")
         params = self._params = config.read(Params, ports.problems)
-        problems, tips = config.problems(), params.arms.values()
-        make = partial(ReachablePoses, params.model, params.frame, tips, config.seed)
-        source = problems.attempt(("params", "model"), make)
-        if source is None:
+        problems, links = config.problems(), (params.frame, *params.arms.values())
+        robot = problems.attempt(("params", "model"), lambda: RobotModel(params.model, links=links))
+        if robot is None:
             raise problems.error()
-        self._source = source
+        self._robot = robot
+        self._random = np.random.Generator(np.random.PCG64(config.seed))
         self._trips: dict[str, list[Trip]] = {arm: [] for arm in params.arms}
         self._rejected: dict[str, Counter[str]] = {arm: Counter() for arm in params.arms}
         self._goal: Goal | None = None
@@ -179,15 +156,21 @@ class RoundTrip(Participant):
         return {**_events(self._event_port, log), **_events(self._summary_port, rows)}
 
     def _way_to_a_pose(self) -> Goal:
-        target = self._source.draw(self._params.arms[self._arm])
+        """Return a goal at a pose that joints within their limits reach."""
+        robot, frame, tip = self._robot, self._params.frame, self._params.arms[self._arm]
+        # Joints that do not move the tip are neutral.
+        q = np.zeros(len(robot.joints))
+        for index in robot.chain(tip):
+            q[index] = self._random.uniform(robot.lower[index], robot.upper[index])
+        target = robot.frame_pose(q, frame).actInv(robot.frame_pose(q, tip))
         turn = pin.Quaternion(target.rotation)
         x, y, z = target.translation.tolist()
         self._is_named = False
         return Goal(
             id=self._next_id(),
             type="move_to_pose",
-            tip=self._params.arms[self._arm],
-            frame=self._params.frame,
+            tip=tip,
+            frame=frame,
             position=(x, y, z),
             orientation=(float(turn.x), float(turn.y), float(turn.z), float(turn.w)),
         )

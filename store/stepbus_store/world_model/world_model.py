@@ -30,7 +30,7 @@ _UPRIGHT = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class ItemPose:
     """Where an item is: position [m] and yaw [rad] of its link on the map."""
 
     x: float
@@ -50,7 +50,9 @@ class Items:
     expected, a detection is another item [m].
     """
 
-    def __init__(self, types: Mapping[str, str], places: Mapping[str, Place], same: float) -> None:
+    def __init__(
+        self, types: Mapping[str, str], places: Mapping[str, ItemPose], same: float
+    ) -> None:
         self._types = types
         self._places = dict(places)
         self._same = same
@@ -79,7 +81,7 @@ class Items:
             pose = tip * self._in_tip
             x, y, z = pose.translation.tolist()
             yaw = math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
-            self._places[self.held] = Place(x=x, y=y, z=z, yaw=yaw)
+            self._places[self.held] = ItemPose(x=x, y=y, z=z, yaw=yaw)
         if not holding:
             self.held = ""
 
@@ -91,7 +93,7 @@ class Items:
         ]
         return min(rows, default=(math.inf, ""))[1]
 
-    def place(self, name: str) -> Place:
+    def place(self, name: str) -> ItemPose:
         """Return where an item is."""
         return self._places[name]
 
@@ -139,7 +141,7 @@ class WorldModel(Participant):
         period_ns = config.every * config.step_ns
         self._every = max(1, round(params.period_ns / period_ns))
         self._items: Items | None = None
-        self._item_rows: dict[str, tuple[Place, _Row]] = {}
+        self._item_rows: dict[str, tuple[ItemPose, _Row]] = {}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Read which links the planogram lists.
@@ -238,7 +240,7 @@ class WorldModel(Participant):
                 rows[n] = self._item_row(name, items.place(name))
         return Poses(position=[at for at, _ in rows], orientation=[turn for _, turn in rows])
 
-    def _item_row(self, name: str, place: Place) -> _Row:
+    def _item_row(self, name: str, place: ItemPose) -> _Row:
         """Return the pose of an item, computed again only once it is elsewhere."""
         known = self._item_rows.get(name)
         if known is None or known[0] is not place:
@@ -250,8 +252,8 @@ class WorldModel(Participant):
         return {name: installed_version(name) for name in ("numpy", "pin")}
 
 
-def _place(at: Point, turn: Quaternion) -> Place:
-    return Place(x=at[0], y=at[1], z=at[2], yaw=yaw_of(turn))
+def _place(at: Point, turn: Quaternion) -> ItemPose:
+    return ItemPose(x=at[0], y=at[1], z=at[2], yaw=yaw_of(turn))
 
 
 def _row(pose: pin.SE3) -> _Row:

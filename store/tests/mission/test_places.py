@@ -20,20 +20,18 @@ def test_where_there_is_no_way_to_its_place_the_base_stands_beside_it():
     assert "next, a place 0.30 m beside it" in text
 
 
-def test_a_base_that_drives_beside_its_arm_finds_another_place_too():
-    fails = {("depart", 1): "no_path", ("return", 1): "no_path"}
+@pytest.mark.parametrize(
+    ("states", "outlets"),
+    [(("depart", "return"), [0.0, 0.3]), (("reach",), [0.0])],
+    ids=["no way for the base", "none for the arm from there"],
+)
+def test_a_base_that_drives_beside_its_arm_finds_another_place_too(states, outlets):
+    fails = dict.fromkeys(((state, 1) for state in states), "no_path")
     result = sell(FakeStore(shelf_a(*GOODS), fails=fails), together=True)
     assert "1 of 1 sales are done" in result.end
     drives = [goal.base for goal in result.goals if goal.type == "go_together"]
     assert [place[1] for place in drives[:2]] == pytest.approx([-0.2, 0.1])
-    assert [place[0] for place in drives[2:]] == pytest.approx([0.0, 0.3])
-
-
-def test_where_the_arm_finds_no_way_from_its_place_the_base_takes_another_one():
-    result = sell(FakeStore(shelf_a(*GOODS), fails={("reach", 1): "no_path"}), together=True)
-    assert "1 of 1 sales are done" in result.end
-    drives = [goal.base for goal in result.goals if goal.type == "go_together"]
-    assert [place[1] for place in drives[:2]] == pytest.approx([-0.2, 0.1])
+    assert [place[0] for place in drives[2:]] == pytest.approx(outlets)
 
 
 def test_where_there_is_no_place_left_the_sale_fails():

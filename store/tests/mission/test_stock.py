@@ -5,7 +5,7 @@ import math
 import pytest
 
 from stepbus_schemas import Contacts, Description, Poses, WiringError
-from stepbus_store.mission.stock import Stock, measures
+from stepbus_store.mission.inventory import Stock, measures
 from stepbus_store.mission.witness import Moved, Witness
 
 HALF = math.sqrt(0.5)

@@ -186,13 +186,6 @@ def test_the_approaches_differ():
     assert len(set(rows)) == len(APPROACHES)
 
 
-def test_a_second_attempt_differs_from_the_first():
-    store = FakeStore(shelf_a(*GOODS), empty_grips=1)
-    sell(store)
-    first, second = map(heading, goals_from(store, "down"))
-    assert abs(second - first) == pytest.approx(math.pi / 2)
-
-
 @pytest.mark.parametrize("state", sorted(PLANNABLE))
 def test_a_planned_path_stands_for_a_line_that_is_blocked(state):
     faults = {"slips": 1} if state == "back_off" else {}

@@ -248,7 +248,7 @@ def test_what_comes_fast_is_stopped_for_sooner_than_what_is_near():
     stand.look(("elbow", "pillar", 0.0, 0.10), ("elbow", "crate", 0.0, 0.03), dt=0.016)
     (near, left), _ = stand.look(
         ("elbow", "pillar", 0.0, 0.08), ("elbow", "crate", 0.0, 0.03), dt=0.016
-    ).strange
+    ).unexpected
     assert near.pair == ("elbow", "pillar")
     assert left == pytest.approx(0.08 - 1.25 * 0.05 - 1.25**2 / 16)
 
@@ -257,7 +257,7 @@ def test_what_comes_fast_is_stopped_for_sooner_than_what_is_near():
 def test_what_appears_all_of_a_sudden_comes_as_fast_as_the_link_moves(gap, counts):
     stand = Stand(contact_range=0.15)
     stand.look(dt=0.016)
-    ((_, left),) = stand.look(("elbow", "pillar", 0.0, gap), dt=0.016, speed=0.8).strange
+    ((_, left),) = stand.look(("elbow", "pillar", 0.0, gap), dt=0.016, speed=0.8).unexpected
     assert left == pytest.approx(gap - counts * (0.8 * 0.05 + 0.8**2 / 16))
 
 

@@ -6,7 +6,7 @@ from support.services.manipulator import DOWN, HOME, UR5, make_limits, make_robo
 from stepbus_kinematics import RobotModel
 from stepbus_schemas import Plan
 from stepbus_store.motion.fitting import fitted
-from stepbus_store.motion.follow import JointPath, Lost, follow, joint_path, line
+from stepbus_store.motion.follow import JointPath, PathLost, follow, joint_path, line
 from stepbus_store.motion.joint_clock import MotionClock
 from stepbus_store.motion.joint_motion import JointMotion, MotionLimits, motion_to
 from stepbus_store.motion.outcome import Refused
@@ -113,7 +113,7 @@ def test_a_line_that_winds_a_joint_up_to_its_limit_is_lost_there(robot):
     narrow.upper = HOME + 0.4
     start = robot.frame_pose(HOME, TIP)
     way = line(start, pin.SE3(start.rotation, start.translation + np.array([0, 0.4, 0])), 0.25)
-    with pytest.raises(Lost, match=r"would have to go to 0\.4") as lost:
+    with pytest.raises(PathLost, match=r"would have to go to 0\.4") as lost:
         follow(narrow, TIP, way, HOME)
     assert lost.value.cause == "limits"
 

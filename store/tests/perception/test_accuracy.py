@@ -47,7 +47,7 @@ def fully_visible(item, view, camera):
     top = np.add(item.position, (0, 0, TOPS[item.type]))
     shape = np.array(view.depth.shape[::-1])
     for scale in (1.0, 0.8):
-        local = (top + rim * RIM[item.type] * scale - camera.position) @ camera.rotation
+        local = (top + rim * RIM[item.type] * scale - camera.translation) @ camera.rotation
         pixel = local[:, :2] / local[:, 2:] * view.focal + view.centre
         if (local[:, 2] < 0.05).any() or (pixel < 2).any() or (pixel > shape - 3).any():
             return False

@@ -8,7 +8,7 @@ from support.services.perception import COLORS, SHAPES, TOPS, Item, open_store
 from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import make_view
 from stepbus_store.perception.item_catalog import read_catalog
-from stepbus_store.perception.sources import Truth
+from stepbus_store.perception.truth import Truth
 
 
 def stand(kind, x=0.0, y=0.0, n=0, yaw=0.0, z=0.0):

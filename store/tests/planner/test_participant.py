@@ -55,20 +55,28 @@ def steps_with_plans(stand, poses, requests, steps, every=1):
     return found
 
 
-def test_an_answer_comes_the_latency_after_its_request(planner):
+NEWER = PlanRequest(id=2, start=START, goal=[0.5, 0.5, 0.5])
+CHECK = PlanRequest(id=1, start=START, goal=START, path=[[-0.9, 0.0, 0.0], [-0.8, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("requests", "answers"),
+    [
+        ({4: ANYWHERE}, [(29, 1)]),
+        ({0: ANYWHERE, 5: ANYWHERE}, [(25, 1)]),
+        ({0: ANYWHERE, 10: NEWER}, [(35, 2)]),
+        ({4: CHECK}, [(8, 1)]),
+    ],
+    ids=["latency", "the same again", "a newer one cancels it", "a check is sooner"],
+)
+def test_a_request_is_answered_once_after_its_latency(planner, requests, answers):
     stand, poses = planner()
-    assert steps_with_plans(stand, poses, {4: ANYWHERE}, 60) == [(29, 1)]
+    assert steps_with_plans(stand, poses, requests, 60) == answers
 
 
 def test_the_latency_is_rounded_up_to_the_planners_own_period(planner):
     stand, poses = planner(every=6, latency="100ms")
     assert steps_with_plans(stand, poses, {12: ANYWHERE}, 60, every=6) == [(30, 1)]
-
-
-def test_a_newer_request_cancels_the_one_before(planner):
-    stand, poses = planner()
-    newer = PlanRequest(id=2, start=START, goal=[0.5, 0.5, 0.5])
-    assert steps_with_plans(stand, poses, {0: ANYWHERE, 10: newer}, 60) == [(35, 2)]
 
 
 def test_poses_that_are_none_are_refused_in_one_sentence(planner):
@@ -84,11 +92,6 @@ def test_poses_that_are_none_are_refused_in_one_sentence(planner):
     for k, (change, sentence) in enumerate(rows):
         with pytest.raises(RunError, match=f"^input 'poses': .*{sentence}"):
             stand.update(k, request=ANYWHERE, poses=msgspec.structs.replace(poses, **change))
-
-
-def test_the_same_request_is_answered_once(planner):
-    stand, poses = planner()
-    assert steps_with_plans(stand, poses, {0: ANYWHERE, 5: ANYWHERE}, 60) == [(25, 1)]
 
 
 def test_a_request_before_any_poses_is_refused(planner):
@@ -375,13 +378,6 @@ def test_a_base_that_starts_at_its_last_pose_goes_through_them_backwards(planner
 def test_an_arm_in_a_thing_is_refused_beside_a_base_too(planner):
     ((cause, text),) = beside_a_base(planner, (0.3, 0.0, 0.5), at_step=0, start=[0.0, 0.0, 0.0])
     assert (cause, "link_0 touches pillar" in text) == ("start_collides", True)
-
-
-def test_a_check_of_a_path_is_answered_sooner(planner):
-    stand, poses = planner()
-    path = [[-0.9, 0.0, 0.0], [-0.8, 0.0, 0.0]]
-    check = PlanRequest(id=1, start=START, goal=START, path=path)
-    assert steps_with_plans(stand, poses, {4: check}, 60) == [(8, 1)]
 
 
 def test_what_comes_onto_a_path_that_was_checked_is_reported(planner):

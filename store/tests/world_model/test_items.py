@@ -4,13 +4,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stepbus_store.world_model.world_model import Items, Place
+from stepbus_store.world_model.world_model import ItemPose, Items
 
 TYPES = {"cola_1": "cola", "cola_2": "cola", "soup_1": "soup"}
 
 
 def at(x, y=0.0, z=0.2, yaw=0.0):
-    return Place(x=x, y=y, z=z, yaw=yaw)
+    return ItemPose(x=x, y=y, z=z, yaw=yaw)
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from stepbus_participant import Config, Participant, Ports, Step, installed_vers
 from stepbus_schemas import Description, Goal, JointState, Message
 from stepbus_store.motion.arm.params import Params
 from stepbus_store.motion.executor import GoalExecutor
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.settings import make_limits, make_manipulator, make_robot
+from stepbus_store.motion.joint_motion import ManipulatorOptions
+from stepbus_store.motion.manipulator_setup import make_limits, make_manipulator, make_robot
 from stepbus_store.motion.outcome import JointSensor, Measured
 from stepbus_store.motion.parts import Parts
 

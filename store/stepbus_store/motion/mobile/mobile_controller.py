@@ -8,7 +8,16 @@ from dataclasses import replace
 
 import msgspec
 
-from stepbus_participant import Config, Participant, Step, installed_version
+from stepbus_kinematics import RobotModel, SelfCollisions
+from stepbus_participant import (
+    Config,
+    Participant,
+    Ports,
+    Problems,
+    Step,
+    installed_version,
+    suggest,
+)
 from stepbus_schemas import (
     BaseState,
     Contacts,
@@ -23,15 +32,51 @@ from stepbus_schemas import (
     RunError,
 )
 from stepbus_store.cause import Cause
+from stepbus_store.motion.back_to_rest import StowCondition
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
-from stepbus_store.motion.manipulator.settings import make_manipulator
-from stepbus_store.motion.mobile.mobile_settings import MobileSettings
+from stepbus_store.motion.joint_motion import ManipulatorOptions
+from stepbus_store.motion.manipulator_setup import make_limits, make_manipulator, make_robot
+from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import JointSensor, Measured
 from stepbus_store.motion.parts import Parts
+from stepbus_store.motion.sensed import MonitorSettings
+
+
+class _Ports:
+    """Names of the ports, found by their types; some scenarios leave out those that may be None.
+
+    Problems are added to `ports`.
+    """
+
+    def __init__(self, ports: Ports) -> None:
+        self.plan = ports.optional_input_of("Plan/1")
+        self.plan_request = ports.optional_output_of("PlanRequest/1")
+        if (self.plan is None) != (self.plan_request is None):
+            text = "a planner needs an input of type Plan/1 and an output of type PlanRequest/1"
+            ports.problems.add((), f"{text}; connect both or neither")
+        self.joint_state = ports.input_of("JointState/1")
+        self.odometry = ports.input_of("BaseState/1")
+        self.gripper_state = ports.input_of("GripperState/1")
+        self.goal = ports.input_of("Goal/1")
+        self.contacts = ports.optional_input_of("Contacts/1")
+        self.stop = ports.optional_input_of("EmergencyStop/1")
+        self.arm = ports.output_of("JointCommand/1")
+        self.base = ports.output_of("BaseCommand/1")
+        self.gripper = ports.output_of("GripperCommand/1")
+        self.goal_status = ports.output_of("GoalStatus/1")
+        self.status = ports.optional_output_of("ControllerStatus/1")
+        ports.outputs_are(
+            "JointCommand/1", "BaseCommand/1", "GripperCommand/1", "GoalStatus/1", "PlanRequest/1",
+            "ControllerStatus/1",
+        )  # fmt: skip
+
+
+_PLANNED_JERK = 0.9
+"""Share of the jerk limit that a motion uses: slowed down near things, it has 1.1 times as much."""
 
 
 class MobileController(Participant):
@@ -49,16 +94,26 @@ class MobileController(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self.settings = MobileSettings(config)
-        self._ports = self.settings.ports
+        ports = Ports(config)
+        self._ports = _Ports(ports)
+        params = self._params = config.read(Params, ports.problems)
+        problems = config.problems().below(("params",))
+        self.robot = robot = make_robot(params, problems, params.posture)
+        self._monitor = _monitor(params, robot, problems)
+        self._collisions: SelfCollisions | None = None
+        srdf, margin = params.srdf, params.collision_margin
+        if srdf is not None:
+            self._collisions = problems.attempt(
+                ("srdf",), lambda: SelfCollisions(robot, srdf, margin)
+            )
+        problems.refuse()
         self._period = config.every * config.step_ns * 1e-9
         self._is_held = False
         self._goal_id = -1
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of commands and plans."""
-        settings = self.settings
-        names = [settings.params.prefix + joint for joint in settings.robot.joints]
+        names = [self._params.prefix + joint for joint in self.robot.joints]
         ports = (self._ports.arm, self._ports.plan_request, self._ports.status)
         return {port: Description(names=names) for port in ports if port is not None}
 
@@ -67,38 +122,48 @@ class MobileController(Participant):
 
         Raises WiringError for joints that the plant does not sense.
         """
-        settings, port = self.settings, self._ports.joint_state
+        params, robot, port = self._params, self.robot, self._ports.joint_state
+        has_planner = self._ports.plan is not None
         self._sensor = JointSensor(
-            port, inputs[port], settings.robot, period=self._period, prefix=settings.params.prefix
+            port, inputs[port], robot, period=self._period, prefix=params.prefix
         )
-        self._arm = make_manipulator(
-            settings.robot,
-            settings.limits,
-            settings.params,
-            settings.arm,
+        limits = make_limits(params, robot, params.acceleration_limit, params.jerk_limit)
+        self._arm = arm = make_manipulator(
+            robot,
+            replace(limits, jerk=_PLANNED_JERK * limits.jerk),
+            params,
+            ManipulatorOptions(
+                period=self._period,
+                tip=params.tip,
+                tip_velocity=params.tip_velocity,
+                tip_acceleration=params.tip_acceleration,
+                tip_jerk=params.tip_jerk,
+                plan_timeout=params.plan_timeout,
+                jam_lag=params.arm_lag,
+            ),
             seed=self.config.seed,
-            uses_planner=self._ports.plan is not None,
-            collisions=settings.collisions,
+            uses_planner=has_planner,
+            collisions=self._collisions,
         )
-        self._base, self._gripper = BaseMotion(settings.params), Gripper(settings.params)
+        self._base, self._gripper = BaseMotion(params), Gripper(params)
         self._navigator: Navigator | None = None
-        if self._ports.plan is not None:
+        if has_planner:
             self._navigator = Navigator(
-                self._base,
-                self._arm.queries.next_id,
-                settings.arm.plan_timeout,
-                settings.params.base_step,
+                self._base, arm.queries.next_id, params.plan_timeout, params.base_step
             )
+        stow = StowCondition(
+            robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
+        )
         self._executor = GoalExecutor(
             Parts(
-                arm=self._arm,
+                arm=arm,
                 base=self._base,
                 navigator=self._navigator,
                 gripper=self._gripper,
-                stow=settings.stow,
-                scale=Scale(settings.robot, settings.arm.tip),
+                stow=stow,
+                scale=Scale(robot, params.tip),
             ),
-            CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
+            CollisionMonitor(self._monitor) if self._ports.contacts is not None else None,
         )
 
     def update(self, step: Step) -> Mapping[str, Message]:
@@ -132,7 +197,7 @@ class MobileController(Participant):
             return None
         arm = self._sensor.read(joints)
         contacts = step.get(ports.contacts, Contacts) if ports.contacts is not None else None
-        prefix = self.settings.params.prefix
+        prefix = self._params.prefix
         if contacts is not None and prefix:
             # The robot's own links have the names of its model.
             pairs = [(a.removeprefix(prefix), b.removeprefix(prefix)) for a, b in contacts.pairs]
@@ -198,3 +263,21 @@ def _check(arm: Measured, base: BaseState, gripper: GripperState) -> None:
     for name, row in rows.items():
         if not math.isfinite(sum(row)):
             raise RunError(f"the measurements of {name} are not finite: {list(row)}")
+
+
+def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSettings:
+    links = robot.links
+    wheels = tuple(name for name in links if "wheel" in name or "caster" in name)
+    ignore = wheels if params.ignore is None else params.ignore
+    for key, names in (("tip", (params.tip,)), ("pads", params.pads), ("ignore", ignore)):
+        for name in names:
+            if name not in links:
+                problems.add((key,), f"link {name!r} is not in the model{suggest(name, links)}")
+    if params.tip in links and not robot.chain(params.tip).size:
+        problems.add(("tip",), f"no joint of this controller moves {params.tip!r}")
+    return MonitorSettings(
+        params=params,
+        links=frozenset(links),
+        base_links=frozenset(name for name in links if not robot.chain(name).size),
+        ignore=frozenset(ignore),
+    )

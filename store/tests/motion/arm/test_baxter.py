@@ -7,7 +7,7 @@ from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import package_path
 from stepbus_store.motion.ik_search import InverseKinematics
 from stepbus_store.motion.joint_motion import MotionLimits
-from stepbus_store.motion.manipulator.routes import DetourRouter
+from stepbus_store.motion.routes import DetourRouter
 from stepbus_store.motion.trajectory import Joined
 
 ROBOT = "package://example-robot-data/robots/baxter_description/"

@@ -80,7 +80,7 @@ def test_an_arm_without_a_way_back_rises_first(robot):
     answer(robot, cause="start_collides", text="at the start, hand touches shelf")
     end = carry_on(robot, 0)
     assert (end.state, "after going 0.05 m up; " in end.text) == ("succeeded", True)
-    model = robot.stand.participant.settings.robot
+    model = robot.stand.participant.robot
     heights = [
         model.frame_pose(np.array(row["arm"].values), "grasp").translation[2]
         for row in robot.commands

@@ -6,7 +6,7 @@ import pytest
 from support.services.arm import JOINTS, make_ik, write_arm
 
 from stepbus_kinematics import RobotModel
-from stepbus_schemas import RunError, WiringError
+from stepbus_schemas import RunError
 
 BENT = np.array([0.3, 0.4, 0.5])
 
@@ -62,10 +62,3 @@ def test_the_order_of_the_joints_is_the_callers(tmp_path, robot):
 def test_an_unknown_frame_is_named_with_the_nearest(robot):
     with pytest.raises(RunError, match=r"frame 'hnad' is not in arm\.urdf"):
         make_ik(robot).solve("hnad", pin.SE3.Identity(), BENT)
-
-
-def test_joints_without_limits_are_refused(tmp_path):
-    path = write_arm(tmp_path)
-    path.write_text(path.read_text().replace('type="revolute"', 'type="continuous"'))
-    with pytest.raises(WiringError, match="has no position limits"):
-        RobotModel(path, JOINTS, bounded=True)

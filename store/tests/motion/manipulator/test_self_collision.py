@@ -12,11 +12,10 @@ from stepbus_kinematics import RobotModel, SelfCollisions, collision_geometry
 from stepbus_schemas import Goal
 from stepbus_schemas.messages import Spiral
 from stepbus_store.motion.branches import BranchSolver
-from stepbus_store.motion.joint_motion import JointMotion, motion_to
+from stepbus_store.motion.candidates import CandidateFinder
+from stepbus_store.motion.joint_motion import JointMotion, ManipulatorOptions, motion_to
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator.candidates import CandidateFinder
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.settings import make_manipulator
+from stepbus_store.motion.manipulator_setup import make_manipulator
 from stepbus_store.motion.outcome import Refused
 from stepbus_store.motion.player import MotionPlayer, stop_on_path
 

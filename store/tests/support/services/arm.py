@@ -11,10 +11,9 @@ from stepbus_kinematics import RobotModel
 from stepbus_schemas import Goal, GoalStatus
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.ik_search import InverseKinematics
-from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
+from stepbus_store.motion.joint_motion import JointMotion, ManipulatorOptions, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.settings import make_manipulator
+from stepbus_store.motion.manipulator_setup import make_manipulator
 from stepbus_store.motion.outcome import Measured
 from stepbus_store.motion.parts import Parts
 

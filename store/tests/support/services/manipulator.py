@@ -14,11 +14,10 @@ from stepbus_kinematics import RobotModel
 from stepbus_participant import package_path
 from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_schemas import BaseState, Goal, JointCommand, Plan, PlanRequest
-from stepbus_store.motion.joint_motion import MotionLimits
+from stepbus_store.motion.joint_motion import ManipulatorOptions, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator.manipulator import Manipulator
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.settings import make_manipulator
+from stepbus_store.motion.manipulator import Manipulator
+from stepbus_store.motion.manipulator_setup import make_manipulator
 from stepbus_store.motion.outcome import Outcome
 
 JOINTS = (

@@ -8,7 +8,7 @@ from support.services.control import Stand
 from support.services.mission_store import STEP_NS, FakeStore, config
 
 from stepbus_schemas import Contacts, RunError
-from stepbus_store.mission.goals import GOALS
+from stepbus_store.mission.state_goals import GOALS
 from stepbus_store.mission.store_mission import StoreMission
 
 

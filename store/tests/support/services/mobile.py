@@ -132,7 +132,7 @@ class Robot:
 
     def effort(self):
         """Return the torques of an arm at rest that carries `mass` once the thing is held."""
-        arm, load = self.stand.participant.settings.robot, self.mass if self.holds() else 0.0
+        arm, load = self.stand.participant.robot, self.mass if self.holds() else 0.0
         carried = arm.load
         arm.carry(load, "grasp")
         torque = arm.gravity_torque(self.q).tolist()
@@ -165,5 +165,5 @@ class Robot:
         return [news.state for news in self.news if news.id == number]
 
     def place(self, frame):
-        arm = self.stand.participant.settings.robot
+        arm = self.stand.participant.robot
         return arm.frame_pose(self.q, frame)

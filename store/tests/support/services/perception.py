@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from stepbus_models import read_robot
 from stepbus_plant.camera import Camera, Lens
@@ -19,7 +20,6 @@ from stepbus_plant.models import loadable
 from stepbus_plant.params import CameraErrors
 from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Poses
-from stepbus_store.perception.images import Pose
 from stepbus_store.solids import rotation
 
 UPRIGHT = "0 0 0 0 0 0 1"
@@ -104,10 +104,10 @@ class Store:
         path.write_text(_URDF.format(name=name, parts=parts), encoding="utf-8")
         load_fixed(self.engine, path, position, (0.0, pitch, yaw))
 
-    def look(self, position, yaw: float = 0.0, tilt=(0.0, 0.0)) -> tuple[dict[str, Image], Pose]:
+    def look(self, position, yaw: float = 0.0, tilt=(0.0, 0.0)) -> tuple[dict[str, Image], pin.SE3]:
         """Return what a camera sees that looks down, turned by yaw and tilted about x, y."""
         down = quaternion((math.pi + tilt[0], tilt[1], yaw))
-        return self.see(position, down), Pose(rotation=rotation(down), position=np.array(position))
+        return self.see(position, down), pin.SE3(rotation(down), np.array(position))
 
     def see(self, position, orientation) -> dict[str, Image]:
         """Return what a camera sees from a pose of its optical frame."""

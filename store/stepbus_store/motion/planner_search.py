@@ -9,8 +9,7 @@ import numpy as np
 from stepbus_kinematics import Vector
 from stepbus_schemas import Goal, Plan, PlanRequest, Point
 from stepbus_store.cause import Cause
-from stepbus_store.motion.follow import JointPath
-from stepbus_store.motion.manipulator.candidates import Candidate
+from stepbus_store.motion.follow import Candidate, JointPath
 from stepbus_store.motion.outcome import Refused
 
 _CAUSES: dict[str, Cause] = {
@@ -31,8 +30,9 @@ _APART = 0.02
 class PlannerSearch:
     """The candidates of a goal, and what the planner is asked about the current one.
 
-    rest: where the arm waits, shape (n,) [rad]. asked_at: time of the newest request [s]. bases:
-    poses of the base at which the path has to be free; empty: where it stands.
+    rest: where the arm waits, shape (n,) [rad]. bases: poses of the base at which the path has to
+    be free; empty: where it stands. request_id, asked_at: of the newest request; its
+    time [s].
     """
 
     goal: Goal
@@ -40,10 +40,10 @@ class PlannerSearch:
     rest: Vector
     candidates: Iterator[Candidate]
     candidate: Candidate
-    asked_at: float
-    request: PlanRequest
+    bases: Sequence[Point]
+    request_id: int
+    asked_at: float = 0.0
     refusals: list[str] = field(default_factory=list)
-    bases: list[Point] = field(default_factory=list)
 
 
 class PlannerQueries:
@@ -59,32 +59,20 @@ class PlannerQueries:
         self._unsent: PlanRequest | None = None
         self.search: PlannerSearch | None = None
 
-    def make(
-        self,
-        goal: Goal,
-        held: str,
-        rest: Vector,
-        candidates: Iterator[Candidate],
-        t: float,
-        *,
-        bases: Sequence[Point] = (),
-    ) -> PlannerSearch:
-        """Return a search for a goal; raises Refused where it has no candidate."""
-        candidate = next(candidates)
-        return PlannerSearch(
-            goal=goal,
-            held=held,
-            rest=rest,
-            candidates=candidates,
-            candidate=candidate,
-            asked_at=t,
-            request=self._request(goal, held, rest, candidate, bases),
-            bases=list(bases),
+    def ask(self, search: PlannerSearch, t: float) -> None:
+        """Ask for a path to the current candidate, and for the check of the paths from there."""
+        candidate = search.candidate
+        self.search, search.asked_at = search, t
+        self._unsent = PlanRequest(
+            id=search.request_id,
+            start=search.rest.tolist(),
+            goal=candidate.target.tolist(),
+            held=search.held,
+            touches=list(search.goal.touches),
+            path=checked_points(candidate.paths),
+            load=self.load,
+            bases=list(search.bases),
         )
-
-    def ask(self, search: PlannerSearch) -> None:
-        """Send the request of a search."""
-        self.search, self._unsent = search, search.request
 
     def next_id(self) -> int:
         """Return the id of a new request."""
@@ -112,7 +100,7 @@ class PlannerQueries:
     def answered(self, plan: Plan) -> PlannerSearch | None:
         """Return the search that a plan answers; None: it is an older one's."""
         search = self.search
-        return search if search is not None and plan.id == search.request.id else None
+        return search if search is not None and plan.id == search.request_id else None
 
     def try_next(self, search: PlannerSearch, problem: Refused, t: float) -> Refused | None:
         """Ask about the next candidate; return the refusal of the goal where there is none."""
@@ -123,32 +111,9 @@ class PlannerQueries:
             count = len(search.refusals)
             tried = f"{count} solutions were tried; the last: " if count > 1 else ""
             return Refused(problem.cause, f"{tried}{problem}")
-        search.candidate, search.asked_at = candidate, t
-        search.request = self._request(
-            search.goal, search.held, search.rest, candidate, search.bases
-        )
-        self.ask(search)
+        search.candidate, search.request_id = candidate, self.next_id()
+        self.ask(search, t)
         return None
-
-    def _request(
-        self,
-        goal: Goal,
-        held: str,
-        rest: Vector,
-        candidate: Candidate,
-        bases: Sequence[Point],
-    ) -> PlanRequest:
-        """Return a request for a path to a candidate, and for the check of the paths from there."""
-        return PlanRequest(
-            id=self.next_id(),
-            start=rest.tolist(),
-            goal=candidate.target.tolist(),
-            held=held,
-            touches=list(goal.touches),
-            path=checked_points(candidate.paths),
-            load=self.load,
-            bases=list(bases),
-        )
 
 
 def checked_points(paths: Sequence[JointPath]) -> list[list[float]]:

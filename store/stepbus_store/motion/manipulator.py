@@ -12,29 +12,18 @@ import numpy as np
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_schemas import BaseState, Goal, Plan, Point, RunError
 from stepbus_store.cause import Cause
+from stepbus_store.motion.candidates import CandidateFinder, about_as_near
 from stepbus_store.motion.fitting import all_fitted, fitted
-from stepbus_store.motion.follow import joint_path
-from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
+from stepbus_store.motion.follow import Candidate, joint_path
+from stepbus_store.motion.joint_motion import JointMotion, ManipulatorOptions, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator.back_off_path import BackOffPath
-from stepbus_store.motion.manipulator.candidates import (
-    Candidate,
-    CandidateFinder,
-    about_as_near,
-)
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.planner_search import (
-    PlannerQueries,
-    PlannerSearch,
-    refusal_of,
-)
-from stepbus_store.motion.manipulator.routes import DetourRouter
+from stepbus_store.motion.links import BackOffPath, Links
 from stepbus_store.motion.outcome import Outcome, Refused
+from stepbus_store.motion.planner_search import PlannerQueries, PlannerSearch, refusal_of
 from stepbus_store.motion.player import MotionPlayer, planned
-from stepbus_store.motion.trajectory import Rest, Trajectory, along_path
-
-from .links import Links
-from .settling import JamWatch, SettleWatch
+from stepbus_store.motion.routes import DetourRouter
+from stepbus_store.motion.settling import JamWatch, SettleWatch
+from stepbus_store.motion.trajectory import AtRest, Trajectory, along_path
 
 _MOST_CANDIDATES = 4
 """Solutions that are tried."""
@@ -211,9 +200,9 @@ class Manipulator:
 
     def _block(self, plan: Plan) -> None:
         """Record that the path under way is blocked, or forget the one that waits."""
-        if self._route is not None and plan.id == self._route.request.id:
+        if self._route is not None and plan.id == self._route.request_id:
             self._blocked = plan.text if plan.cause else ""
-        elif self._ready is not None and plan.id == self._ready[1].request.id and plan.cause:
+        elif self._ready is not None and plan.id == self._ready[1].request_id and plan.cause:
             self._ready = None
             self._fail(Refused(Cause.BLOCKED, plan.text))
 
@@ -356,7 +345,7 @@ class Manipulator:
     def _line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:
         path = self._finder.line(goal, rest, q, base)
         if path is None:
-            self._then([Rest(rest)])
+            self._then([AtRest(rest)])
             return "the tip is there already"
         candidate = Candidate(target=rest, paths=(path,))
         parts = self._fitted(self._along(candidate), goal.duration)
@@ -369,13 +358,20 @@ class Manipulator:
         return self._search(goal, held, rest, iter([replace(candidate, text=text)]))
 
     def _search(self, goal: Goal, held: str, rest: Vector, candidates: Iterator[Candidate]) -> str:
-        t = self._player.clock.t
-        search = self.queries.make(goal, held, rest, candidates, t, bases=self._bases)
-        candidate = search.candidate
+        candidate = next(candidates)
+        search = PlannerSearch(
+            goal=goal,
+            held=held,
+            rest=rest,
+            candidates=candidates,
+            candidate=candidate,
+            bases=self._bases,
+            request_id=self.queries.next_id(),
+        )
         if candidate.is_at(rest) and not candidate.paths:
-            self._then([Rest(rest)])
+            self._then([AtRest(rest)])
             return candidate.text or "the joints are there already"
-        self.queries.ask(search)
+        self.queries.ask(search, self._player.clock.t)
         return f"{candidate.text}; asked the planner" if candidate.text else "asked the planner"
 
     def _fail(self, refusal: Refused | None) -> None:

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from stepbus_schemas import Goal, Point
 from stepbus_store.motion.base_motion import BaseMotion
-from stepbus_store.motion.manipulator.manipulator import Manipulator
+from stepbus_store.motion.manipulator import Manipulator
 from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
 
@@ -21,7 +21,7 @@ Phase = Literal["waits for a route", "asked", "postponed", "moves"]
 
 
 @dataclass(kw_only=True)
-class Companion:
+class ConcurrentMotion:
     """Lets an arm move beside a base that drives, along a path that is free at all poses of both.
 
     A pose in the odometry frame is for the arrival: the arm starts on the last stretch of the

@@ -7,12 +7,11 @@ import numpy as np
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import PerName, Problems
 from stepbus_store.motion.branches import BranchSolver
-from stepbus_store.motion.joint_motion import MotionLimits
+from stepbus_store.motion.candidates import CandidateFinder
+from stepbus_store.motion.joint_motion import ManipulatorOptions, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator.candidates import CandidateFinder
-from stepbus_store.motion.manipulator.manipulator import Manipulator
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.routes import DetourRouter
+from stepbus_store.motion.manipulator import Manipulator
+from stepbus_store.motion.routes import DetourRouter
 
 
 def make_manipulator(

@@ -8,8 +8,8 @@ import numpy as np
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_store.cause import Cause
 from stepbus_store.motion.fitting import fitted, sampled
+from stepbus_store.motion.follow import Candidate
 from stepbus_store.motion.joint_motion import JointMotion, MotionLimits, motion_to
-from stepbus_store.motion.manipulator.candidates import Candidate
 from stepbus_store.motion.outcome import Refused
 from stepbus_store.motion.trajectory import Trajectory
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,9 @@ from stepbus_participant import suggest
 from stepbus_schemas import BaseState, Goal, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
-from stepbus_store.motion.follow import JointPath, follow, line
+from stepbus_store.motion.follow import Candidate, JointPath, check_path, follow, line
 from stepbus_store.motion.ik_search import Solution
-from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.joint_motion import ManipulatorOptions
 from stepbus_store.motion.outcome import FARTHEST, Refused
 from stepbus_store.motion.spiral import SpiralPlanner
 
@@ -82,31 +81,6 @@ def _index(joints: Sequence[str], name: str) -> int:
     return joints.index(name)
 
 
-_AT_ONCE = 1e-6
-"""Distance of a target that needs no motion [rad]."""
-
-_CHECKED_EVERY = 0.01
-"""Distance of the joint positions that are checked [rad]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """Joint positions to go to, shape (n,) [rad].
-
-    paths: of the joints from there on, over the length of the tip's path [m]. text: description.
-    holds: whether the motors can hold the arm there.
-    """
-
-    target: Vector
-    paths: tuple[JointPath, ...] = ()
-    text: str = ""
-    holds: bool = True
-
-    def is_at(self, q: Vector) -> bool:
-        """Return whether joint positions are those to go to, shape (n,) [rad]."""
-        return float(np.abs(self.target - q).max()) < _AT_ONCE
-
-
 _FARTHER = 1.5
 """By how much farther than the nearest solution the arm goes beside a base that drives [rad]."""
 
@@ -141,7 +115,7 @@ class CandidateFinder:
         self.robot = robot
         self._solver = solver
         self._options = options
-        self._spirals = SpiralPlanner(robot, solver, options.turn_radius)
+        self._spirals = SpiralPlanner(robot, solver, options.turn_radius, collisions)
         self._collisions = collisions
         self._tries_unholdable = tries_unholdable
 
@@ -163,7 +137,7 @@ class CandidateFinder:
         frame = frame_in_base(self.robot, q, base, goal.frame)
         target_in_base = frame * target_pose(goal)
         if goal.type == "spiral":
-            yield from self._around(goal, frame, target_in_base, rest)
+            yield from self._spirals.solve(goal, frame, target_in_base, rest)
         else:
             yield from self._at_pose(goal.tip, target_in_base, rest)
 
@@ -198,42 +172,9 @@ class CandidateFinder:
         for number, q in enumerate(solutions, 1):
             yield Candidate(target=q, text=f"solution {number} of {len(solutions)}")
 
-    def _around(self, goal: Goal, frame: Any, target: Any, rest: Vector) -> Iterator[Candidate]:
-        problem: Refused | None = None
-        works = False
-        for solution in self._spirals.solve(goal, frame, target, rest):
-            try:
-                for path in solution.paths:
-                    check_path(path, self._collisions)
-            except Refused as exc:
-                problem = problem or exc
-                continue
-            works = True
-            yield Candidate(target=solution.start, paths=tuple(solution.paths), text=solution.text)
-        if not works and problem is not None:
-            raise problem
-
     def _accepted(self, solution: Solution) -> Candidate:
         holds = solution.verdict == "reached"
         if not holds and not (self._tries_unholdable and solution.verdict == "not_holdable"):
             raise Refused(Cause(solution.verdict), str(solution))
         text = "" if holds else str(solution)
         return Candidate(target=solution.q, text=text, holds=holds)
-
-
-def check_path(path: JointPath, collisions: SelfCollisions | None, *, leaves: bool = False) -> None:
-    """Raise Refused with both links where the robot would touch itself on a path of the tip.
-
-    leaves: the robot is at its start, and may leave what it touches there.
-    """
-    if collisions is None:
-        return
-    far = float(np.abs(np.diff(path.q, axis=0)).max(axis=1).sum())
-    count = max(math.ceil(far / _CHECKED_EVERY), 1)
-    known = collisions.pair(path.q[0]) if leaves else None
-    for u in np.linspace(path.u[0], path.u[-1], count + 1):
-        q, _, _ = path.at(float(u))
-        pair = collisions.pair(q) if collisions.any(q) else None
-        if pair is not None and pair != known:
-            text = f"{pair[0]} would touch {pair[1]} after {u - path.u[0]:.3f} m of the path"
-            raise Refused(Cause.IN_COLLISION, text)

@@ -1,37 +1,12 @@
-"""Where detections come from: cameras, or the truth of the simulation."""
+"""Detections from the truth of the simulation, for comparison."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
-from stepbus_kinematics import RobotModel, Vector
 from stepbus_participant import suggest
-from stepbus_schemas import Detections, Poses, WiringError
-from stepbus_store.perception.images import Pose, inverse_times
+from stepbus_schemas import Detections, Poses, Quaternion, WiringError
 from stepbus_store.perception.item_catalog import Catalog
 from stepbus_store.poses import check_poses
 from stepbus_store.solids import rotation
-
-
-class CameraMount:
-    """A camera on a robot.
-
-    path: URDF or xacro. joints: those that move the camera; all others stand at neutral. camera:
-    link, its optical frame. frame: link that the camera's pose is given in, z up.
-    Raises WiringError that lists all that the model lacks.
-    """
-
-    def __init__(self, path: Path, joints: Sequence[str], camera: str, frame: str) -> None:
-        self._robot = RobotModel(path, joints, links=(frame, camera))
-        self._camera, self._frame = camera, frame
-        self.joints = self._robot.joints
-
-    def pose(self, angles: Vector) -> Pose:
-        """Return where the camera is in the frame; angles: of the joints, shape (n,) [rad]."""
-        frame, camera = (
-            self._robot.frame_pose(angles, name) for name in (self._frame, self._camera)
-        )
-        pose = frame.actInv(camera)
-        return Pose(rotation=pose.rotation.copy(), position=pose.translation.copy())
 
 
 class Truth:
@@ -73,6 +48,18 @@ class Truth:
             frame=self._name,
             types=[name for _, name in self._items],
             position=[tuple((centre @ axes).tolist()) for centre in centres],
-            orientation=[inverse_times(orientation, poses.orientation[n]) for n in indices],
+            orientation=[_inverse_times(orientation, poses.orientation[n]) for n in indices],
             confidence=[1.0] * len(indices),
         )
+
+
+def _inverse_times(one: Sequence[float], other: Sequence[float]) -> Quaternion:
+    """Return conj(one)·other, the orientation of `other` in `one`; quaternions x, y, z, w."""
+    ax, ay, az, aw = -one[0], -one[1], -one[2], one[3]
+    bx, by, bz, bw = other
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
