@@ -56,12 +56,11 @@ EXTRAS: Mapping[str, Use] = {
         commands=(
             "stepbus export run.mcap --csv all.csv",
             "stepbus export run.mcap --parquet tables",
-            "stepbus export run.mcap --foxglove f.mcap",
             "stepbus export run.mcap --ros2 r.mcap",
             "python frame.py",
             "python -c 'import av'",
         ),
-        writes=("all.csv", "tables", "f.mcap", "r.mcap"),
+        writes=("all.csv", "tables", "r.mcap"),
     ),
     "rerun": Use(
         extras="rerun", commands=("stepbus export run.mcap --rerun r.rrd",), writes=("r.rrd",)

@@ -27,7 +27,7 @@ EXTRAS = {
     "sim": ("coal", "pinocchio", "pybullet", "ruckig"),
     "mujoco": ("mujoco",),
     "report": ("matplotlib", "uplot"),
-    "export": ("PIL", "av", "foxglove", "pandas", "pyarrow", "rosbags"),
+    "export": ("PIL", "av", "pandas", "pyarrow", "rosbags"),
     "sweep": ("optuna", "plotly", "scipy"),
     "cluster": ("ray",),
     "rerun": ("rerun",),
