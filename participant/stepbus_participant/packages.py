@@ -28,7 +28,7 @@ EXTRAS = {
     "mujoco": ("mujoco",),
     "report": ("matplotlib", "uplot"),
     "export": ("PIL", "av", "pandas", "pyarrow", "rosbags"),
-    "sweep": ("optuna", "plotly", "scipy"),
+    "sweep": ("optuna", "scipy", "uplot"),
     "cluster": ("ray",),
     "rerun": ("rerun",),
     "view": ("collada", "trimesh", "viser"),

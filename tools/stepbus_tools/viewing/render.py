@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_schemas import Image
-from stepbus_tools.look import PAPER
+from stepbus_tools.theme import PAPER
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Messages, Scene
 from stepbus_tools.viewing.viewpoint import FIELD_OF_VIEW, Floats, Viewpoint, moved, rotation

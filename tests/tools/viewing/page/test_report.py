@@ -16,7 +16,8 @@ from stepbus_orchestrator.recording import Recording, TimingRecorder
 from stepbus_orchestrator.run.reports import Lateness
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import Event, JointReference, JointState, Scalars
-from stepbus_tools.viewing.page import report_page, write_page
+from stepbus_tools import theme
+from stepbus_tools.viewing.page import write_page
 
 LATE = Lateness(
     factor=1.0, steps=120, p50_us=80.0, p99_us=900.0, max_us=1200.0,
@@ -262,6 +263,6 @@ def test_a_page_that_cannot_be_written_changes_no_exit_code(tmp_path, capsys, mo
 
 
 def test_without_its_extra_it_says_how_to_install_it(recording, monkeypatch):
-    monkeypatch.setattr(report_page, "find_spec", lambda _name: None)
+    monkeypatch.setattr(theme, "find_spec", lambda _name: None)
     with pytest.raises(ExtraMissing, match=r"needs uplot, which is not installed; pip install"):
         write_page([recording])

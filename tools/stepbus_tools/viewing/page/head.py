@@ -12,8 +12,8 @@ from stepbus_orchestrator.run.reports import in_units
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.locate import builtin_name
 from stepbus_participant import open_regular
-from stepbus_tools.look import engineering, run_sample
 from stepbus_tools.report.charts import Chart
+from stepbus_tools.theme import engineering, run_sample
 from stepbus_tools.viewing.page.content import RunPage
 
 _MOST_WARNINGS = 10

@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import quote
 
 from stepbus_participant import need
-from stepbus_tools.look import MARK, style_sheet
+from stepbus_tools.theme import MARK, style_sheet
 from stepbus_tools.viewing.access import (
     LOOPBACK,
     Process,

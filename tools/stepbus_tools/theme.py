@@ -1,8 +1,8 @@
-"""How everything of stepbus looks: its mark, typefaces and colours.
+"""The theme of everything that stepbus draws: its mark, typefaces and colours.
 
 Reports, pages, pictures and the site take them from here. Seven colours and two line styles tell
 fourteen lines apart; the colours differ for readers with any colour blindness too, which
-`tests/tools/test_look.py` measures, and have a contrast of 3:1 with what they are drawn on.
+`tests/tools/test_theme.py` measures, and have a contrast of 3:1 with what they are drawn on.
 """
 
 import base64
@@ -12,11 +12,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_participant import need
+from stepbus_participant import ExtraMissing, lacks, need
 
 TEXT_FONT = '"Inter", "Segoe UI", system-ui, -apple-system, "Helvetica Neue", sans-serif'
 NUMBER_FONT = '"JetBrains Mono", ui-monospace, "SF Mono", Consolas, "DejaVu Sans Mono", monospace'
@@ -95,6 +97,20 @@ def style_sheet() -> str:
         f":root{{color-scheme:light dark;{fonts}{day}}}"
         f"@media screen and (prefers-color-scheme:dark){{:root{{{night}}}}}{classes}"
     )
+
+
+def uplot(what: str) -> tuple[str, str]:
+    """Return the script and the style sheet of uPlot, which the package uplot-python carries.
+
+    what: needs it. Raises ExtraMissing without the package.
+    """
+    # It is not imported: that would load IPython.
+    spec = find_spec("uplot")
+    for place in (spec.submodule_search_locations or ()) if spec else ():
+        if (static := Path(place) / "static").is_dir():
+            script, style = static / "uPlot.iife.js", static / "uPlot.min.css"
+            return script.read_text("utf-8"), style.read_text("utf-8")
+    raise ExtraMissing(lacks(what, "uplot"))
 
 
 _PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
