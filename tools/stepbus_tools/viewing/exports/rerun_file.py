@@ -29,7 +29,7 @@ from stepbus_tools.viewing.exports.exporter import (
     instants,
     readable_ports,
 )
-from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.viewing.rasteriser import pixels_of
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Latest, Scene

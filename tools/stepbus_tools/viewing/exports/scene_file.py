@@ -13,7 +13,7 @@ from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.door import branded, open_page
 from stepbus_tools.viewing.exports.exporter import Exported, Reached
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.render import Painter, Pixels
+from stepbus_tools.viewing.rasteriser import Painter, Pixels
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.stage.stage import Stage, add_floor
 from stepbus_tools.viewing.viewpoint import framed, swept

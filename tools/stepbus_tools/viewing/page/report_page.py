@@ -19,7 +19,7 @@ from stepbus_tools.theme import MARK, figure, png_figure, style_sheet, uplot
 from stepbus_tools.viewing.exports.scene_file import REPLAY_POLICY, packed_replay, replay_html
 from stepbus_tools.viewing.page.content import lateness_html, times_html
 from stepbus_tools.viewing.page.head import again, comparison_html
-from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.viewing.rasteriser import pixels_of
 from stepbus_tools.whole_file import replaced
 
 from .content import RunPage
