@@ -90,8 +90,7 @@ def style_sheet() -> str:
     )
     fonts = f"--text:{TEXT_FONT};--numbers:{NUMBER_FONT};"
     classes = "".join(
-        f".l{n}{{stroke:var(--c{n})}}.f{n}{{fill:var(--c{n});background:var(--c{n})}}"
-        for n in range(len(LINES))
+        f".l{n}{{color:var(--c{n})}}.f{n}{{background:var(--c{n})}}" for n in range(len(LINES))
     )
     return (
         f":root{{color-scheme:light dark;{fonts}{day}}}"
@@ -137,15 +136,6 @@ def engineering(value: float, unit: str) -> str:
     """Return a number of three digits with its unit."""
     factor, shown = prefixed(value, unit)
     return f"{value * factor:.3g} {shown}".strip()
-
-
-def run_sample(number: int) -> str:
-    """Return how the lines of a run are drawn, by its place among several."""
-    style = f"l6 run{number % 4}" if number else "l6"
-    return (
-        '<svg viewBox="0 0 40 8" class="sample" aria-hidden="true">'
-        f'<path class="{style}" d="M0 4H40"/></svg>'
-    )
 
 
 def png_figure(picture: bytes, caption: str, background: str = "") -> str:

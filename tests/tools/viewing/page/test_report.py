@@ -145,7 +145,7 @@ def test_a_comparison_begins_with_the_largest_errors(tmp_path):
         }
         paths.append(write(tmp_path / name / "run.mcap", **ports))
     text = write_page(paths, tmp_path / "both.html").read_text()
-    assert re.findall(r"</svg>(\w+)</th>", text) == ["a", "b"]
+    assert re.findall(r"</i>(\w+)</th>", text) == ["a", "b"]
     less = '<span class="less">(−50\u00a0%)</span>'
     assert f"<th>largest error, hip</th><td>0.2 rad</td><td>0.1 rad {less}</td>" in text
     assert "<th>largest error, knee</th><td>0 rad</td><td>0 rad</td>" in text
