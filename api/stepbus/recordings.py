@@ -77,7 +77,7 @@ def export(
     """Export a recording as `stepbus export` does; return format → what was written.
 
     parquet, csv: a folder (one file per port), or a .parquet or .csv file (one row per value).
-    scene: a self-contained HTML file. ros2: an .mcap, or a folder for a bag. foxglove: an .mcap.
+    scene: a self-contained HTML file. ros2: an .mcap, or a folder for a bag. foxglove: as ros2.
     rerun: an .rrd. video: .mp4 or .gif of `camera`, an image port (default: the first), or of the
     scene from `viewpoint`, such as "front" or "1,-2,1.5:0,0,0.5" [m]; with `size` ("1280x720"),
     `fps`, and the simulation times `from_` and `to`, such as "2s". others: formats that other

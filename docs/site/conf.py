@@ -29,7 +29,7 @@ from sphinx.util.docutils import SphinxDirective
 from sphinx.util.typing import stringify_annotation
 
 import stepbus
-from stepbus_tools.look import NIGHT, NUMBER_FONT, PAPER, TEXT_FONT
+from stepbus_tools.theme import NIGHT, NUMBER_FONT, PAPER, TEXT_FONT
 
 project = "stepbus"
 extensions = ["myst_parser", "sphinx.ext.autodoc"]

@@ -133,7 +133,7 @@ def opened(address, width=800, height=600, scheme="light"):
 @pytest.fixture
 def page():
     """A page of ours, served and closed at the end."""
-    from stepbus_tools.viewing.stage.server import open_page  # noqa: PLC0415  (it loads viser)
+    from stepbus_tools.viewing.door import open_page  # noqa: PLC0415  (it loads viser)
 
     page = open_page("test")
     yield page

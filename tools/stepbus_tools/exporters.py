@@ -60,10 +60,11 @@ PARQUET = Exporter(
     write=f"{_IN}.tables:write_parquet", help=_TABLES.format("parquet"), metavar="PATH"
 )
 FOXGLOVE = Exporter(
-    write=f"{_IN}.foxglove:write", help="an .mcap for Foxglove and Lichtblick, at 30 Hz"
+    write=f"{_IN}.ros2:write", help="the file of --ros2, which Foxglove and Lichtblick open"
 )
 RERUN = Exporter(
-    write=f"{_IN}.rerun:write", help="an .rrd for Rerun: animated scene, curves, events, images"
+    write=f"{_IN}.rerun_file:write",
+    help="an .rrd for Rerun: animated scene, curves, events, images",
 )
 ROS2 = Exporter(
     write=f"{_IN}.ros2:write",

@@ -109,7 +109,6 @@ def folder(path):
         ["export", "{run}", "--csv", "{out}"],
         ["export", "{run}", "--parquet", "{out}"],
         ["export", "{run}", "--ros2", "{out}"],
-        ["export", "{run}", "--foxglove", "{out}"],
         ["export", "{run}", "--scene", "{out}"],
         ["recover", "{run}", "--out", "{out}"],
         ["replay", "{run}", "--participant", "controller", "--update", "{out}"],

@@ -2,13 +2,10 @@
 
 import math
 
-import msgspec
 import pytest
+from support.messages.recordings import write
 
-from stepbus_orchestrator.recording import McapFile, Recorder
-from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_orchestrator.scenario.ports import OutputSpec
-from stepbus_schemas import Description, JointReference, JointState, Outputs, encode
+from stepbus_schemas import JointReference, JointState
 from stepbus_tools.run_lines import after_run
 
 STEP_NS = 5_000_000
@@ -17,37 +14,17 @@ STILL = [0.0] * 600
 NAN = [math.nan] * 600
 
 
-def spec(name, port, type_name):
-    outputs = {port: OutputSpec(type=type_name)}
-    return ParticipantSpec(name=name, exec=("p",), outputs=outputs)
-
-
 def record(path, positions, wanted):
     """Write one joint's positions, and those it should have had; wanted: none without a mission."""
-    specs = [spec("plant", "joint_state", "JointState/1")]
-    descriptions = {"plant": {"joint_state": Description(names=["knee"])}}
+    states = [JointState(position=[x], velocity=[0.0], effort=[x]) for x in positions]
+    ports = {"joint_state": ("JointState/1", ["knee"], states)}
     if wanted:
-        specs.append(spec("mission", "reference", "JointReference/1"))
-        descriptions["mission"] = {"reference": Description(names=["knee"])}
-    file = McapFile(path)
-    recorder = Recorder(file, specs, STEP_NS)
-    recorder.open_channels(descriptions, {})
-    for step, x in enumerate(positions):
-        state = JointState(position=[x], velocity=[0.0], effort=[x])
-        offer(recorder, "plant", "joint_state", step, state)
-        if wanted:
-            offer(recorder, "mission", "reference", step, reference(wanted[step]))
-    recorder.finish(len(positions), [])
-    return path
+        ports["reference"] = ("JointReference/1", ["knee"], list(map(reference, wanted)))
+    return write(path, STEP_NS, **ports)
 
 
 def reference(r):
     return JointReference(position=[r], velocity=[0.0], acceleration=[-39.5 * r])
-
-
-def offer(recorder, name, port, step, message):
-    ports = {port: msgspec.Raw(encode(message))}
-    recorder.offer(name, Outputs(token="", step=step, t_ns=step * STEP_NS, ports=ports))
 
 
 @pytest.mark.slow

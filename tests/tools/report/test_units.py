@@ -2,7 +2,7 @@
 
 import pytest
 
-from stepbus_tools.look import engineering
+from stepbus_tools.theme import engineering
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Description, Outputs, Types, encode
 from stepbus_tools.viewing.live_page import LivePage, Points
-from stepbus_tools.viewing.stage.curves import Signal, time_span, value_span
+from stepbus_tools.viewing.stage.chart_tab import Signal, time_span, value_span
 
 STEP_NS = 20_000_000
 OWN = Types({

@@ -20,7 +20,7 @@ from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_schemas import JointState
 
 TARGETS = {
-    "csv": "all.csv", "parquet": "all.parquet", "ros2": "a.mcap", "foxglove": "b.mcap",
+    "csv": "all.csv", "parquet": "all.parquet", "ros2": "a.mcap",
     "scene": "c.html", "video": "d.gif",
 }  # fmt: skip
 

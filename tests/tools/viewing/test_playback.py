@@ -16,7 +16,7 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import CallRecord
 from stepbus_tools.viewing.history import History, stop_of
 from stepbus_tools.viewing.playback import Playback, open_recording, run_names
-from stepbus_tools.viewing.stage.view import stop_banner
+from stepbus_tools.viewing.stage.recording_view import stop_banner
 
 
 def record(folder, *overrides):
@@ -104,7 +104,7 @@ def test_no_recording_and_an_empty_one_give_a_sentence(recording, tmp_path, caps
     cut.write_bytes(recording.read_bytes()[:3000])
     assert main(["view", str(foreign), "--no-open"]) != 0
     assert "is not an MCAP recording" in capsys.readouterr().err
-    with pytest.raises(RecordingFailed, match="has no messages; nothing to show"):
+    with pytest.raises(RecordingFailed, match="has no message that can be shown"):
         open_recording(cut)
 
 

@@ -11,10 +11,10 @@ from support.browser import Curves, needs_chromium, opened, picture
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
+from stepbus_tools.viewing.door import open_page
 from stepbus_tools.viewing.playback import Playback, open_recording
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.scene import Frame, Scene
-from stepbus_tools.viewing.stage.server import open_page
 from stepbus_tools.viewing.stage.stage import add_light, drawn, free_part
 from stepbus_tools.viewing.viewpoint import Swept, framed
 

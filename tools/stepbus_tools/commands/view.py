@@ -11,10 +11,9 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_tools.commands.declared import View
 from stepbus_tools.report.summary import scenario_name
-from stepbus_tools.viewing.access import open_in_browser
+from stepbus_tools.viewing.door import open_in_browser, open_page
 from stepbus_tools.viewing.live_page import follow
 from stepbus_tools.viewing.playback import Playback, open_recording, play
-from stepbus_tools.viewing.stage.server import open_page
 
 _NICE = 15
 

@@ -32,7 +32,7 @@ _WANTED: Sequence[tuple[Role, str]] = (("reference", "reference"), ("command", "
 class ChartLine:
     """A line of a chart. points: times [s] and values.
 
-    number: of its style, see `look.line_style`. run: among several.
+    number: of its style, see `theme.line_style`. run: among several.
     """
 
     label: str

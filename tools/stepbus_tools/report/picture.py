@@ -15,10 +15,10 @@ from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing, need
 from stepbus_schemas import SHIPPED, StepbusError
-from stepbus_tools.look import LINES, PAPER, line_style, prefixed
 from stepbus_tools.report.charts import Chart, ChartLine, Mark, all_joints, field_chart, path_of
 from stepbus_tools.report.curves import Curve, JointCurves, Line, PortCurves
 from stepbus_tools.report.summary import NO_DYNAMICS, lacks_dynamics, scenario_name
+from stepbus_tools.theme import LINES, PAPER, line_style, prefixed
 from stepbus_tools.whole_file import replaced
 
 _SIZE = (5.2, 2.7)

@@ -9,10 +9,10 @@ from pathlib import Path
 from stepbus_orchestrator.recording import Recording, Tail
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_participant import open_regular
-from stepbus_tools.look import engineering
 from stepbus_tools.report.curves import JointCurves
 from stepbus_tools.report.findings import findings
 from stepbus_tools.signals import TrackingError, tracking_pieces
+from stepbus_tools.theme import engineering
 
 NO_DYNAMICS = "joints and base follow their commands instantly"
 _PARTS = ("compute", "transport", "record", "wait")

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import WiringError
-from stepbus_tools.report.charts import Chart, ChartLine, Mark, Role, find_signals
+from stepbus_tools.report.charts import Chart, ChartLine, Mark, Role, find_signals, joint_charts
 from stepbus_tools.report.picture import save
-from stepbus_tools.signals import read_tracking
+from stepbus_tools.report.summary import read_joints
 
 _MOST_VARIANTS = 4
 _BEFORE = 0.1
@@ -69,12 +69,10 @@ def _around(mark_s: float, lines: Sequence[ChartLine]) -> list[ChartLine]:
 
 def _errors(recording: Recording) -> Iterator[Chart]:
     """Yield the error of each joint with a reference, or the position of each that is measured."""
-    tracking = read_tracking(recording)
-    what = "error" if tracking.joints else "position"
-    for joint in (tracking.joints or tracking.measured)[:_MOST_VARIANTS]:
-        state = tracking.state_of(joint)
-        position = None if state is None else state.of("position", joint)
-        if state is not None and position is not None:
-            title = f"{joint}: {what}"
-            values = tracking.error(joint) if tracking.joints else position
-            yield Chart(title, tracking.unit(joint), [ChartLine(title, (state.t, values))])
+    curves, _ = read_joints(recording)
+    for joint in (curves.joints or curves.measured)[:_MOST_VARIANTS]:
+        error, position, *_ = joint_charts(curves, joint)
+        chart = error if curves.joints else position
+        title = f"{joint}: {chart.title}"
+        lines = [replace(line, label=title) for line in chart.lines if line.is_solid]
+        yield replace(chart, title=title, lines=lines)

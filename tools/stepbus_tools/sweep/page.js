@@ -1,7 +1,6 @@
 "use strict";
 // The charts of a sweep's page. `sweep`: {axes, metrics, units, extremes: run → best or worst,
 // columns: name → values, run, failed}.
-const dark = matchMedia("(prefers-color-scheme: dark)");
 const style = getComputedStyle(document.documentElement);
 const shade = (name) => style.getPropertyValue(name).trim();
 const at = (id) => document.getElementById(id);
@@ -10,20 +9,9 @@ const named = (name) => (sweep.units[name] ? `${name} [${sweep.units[name]}]` : 
 // It breaks behind its dots, where there is little room.
 const broken = (name) => name.replaceAll(".", ".\u200b");
 const numeric = (values) => values.every((v) => v === null || typeof v === "number");
-
-function layout(more) {
-  const ink = shade("--ink"), line = shade("--line");
-  const axis = { gridcolor: line, zerolinecolor: line, automargin: true };
-  const { xaxis, yaxis, ...rest } = more;
-  return { margin: { t: 30, r: 15, b: 45, l: 60 }, paper_bgcolor: "rgba(0,0,0,0)",
-    plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink }, hovermode: "closest",
-    xaxis: { ...axis, ...xaxis }, yaxis: { ...axis, ...yaxis }, ...rest };
-}
-
-const draw = (place, traces, more) =>
-  Plotly.react(place, traces, layout(more), { responsive: true, displaylogo: false, displayModeBar: false });
-
-const chart = () => Object.assign(document.createElement("div"), { className: "chart" });
+const shown = (value) => (typeof value === "number" ? Number(value.toPrecision(5)) : value ?? "–");
+const node = (tag, className, text = "") =>
+  Object.assign(document.createElement(tag), { className, textContent: text });
 
 function fill(select, names, chosen) {
   select.replaceChildren(...names.map((name) => new Option(name, name, false, name === chosen)));
@@ -35,111 +23,195 @@ function rows(...names) {
     names.every((name) => typeof sweep.columns[name][i] === "number"));
 }
 
-const shown = (value) => (typeof value === "number" ? Number(value.toPrecision(5)) : value ?? "–");
+// Different values: numbers in order, words as they came.
+const order = (values) => (numeric(values) ? [...new Set(values)].sort((a, b) => a - b) : [...new Set(values)]);
+const reach = (values) => values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
 const MOST_TICKS = 8;
 
-// The values of an axis that were run, in order, each once.
-const order = (name) => [...new Set(sweep.columns[name])].sort((a, b) => (a > b) - (a < b));
-
-// Ticks at the values that were run, where they are few numbers.
-function ticks(name) {
-  const values = order(name).filter((value) => typeof value === "number");
-  if (!values.length || values.length > MOST_TICKS || !numeric(sweep.columns[name])) return {};
-  return { tickvals: values, ticktext: values.map((value) => String(shown(value))) };
+// An axis of a chart: where values stand on it, and its ticks: at all values, where they are few.
+function axis(name, kept, { words = !numeric(sweep.columns[name]), few = true } = {}) {
+  const values = order(kept.map((i) => sweep.columns[name][i]));
+  const place = (value) => (words ? values.indexOf(value) : value);
+  const [low, high] = reach(values.map(place));
+  const log = !words && sweep.logarithmic.includes(name);
+  const room = words ? 0.5 : 0.06 * (high - low) || 0.1 * Math.abs(high) || 1;
+  const ticks = values.length <= MOST_TICKS && few ? values.map(place) : words ? values.map(place) : null;
+  return { title: named(name), place: (i) => place(sweep.columns[name][i]), log, ticks,
+    range: log ? [low / 1.3, high * 1.3] : [low - room, high + room],
+    text: (tick) => String(shown(words ? values[tick] : tick)) };
 }
 
+const FONT = "12px sans-serif";
+let printed = null; // [width, height] of all charts on paper
+
+// Draws shapes over two axes: {x, y, text, color, form: circle, cross, cell or label}, and lines
+// through points: {points, color}. What the mouse is at is said below.
+function draw(place, x, y, shapes, lines = []) {
+  const grid = { stroke: shade("--line"), width: 1 };
+  const look = (one) => ({ label: one.title, stroke: shade("--ink"), font: FONT, labelFont: FONT,
+    labelSize: 20, grid, ticks: grid,
+    ...(one.ticks && { splits: () => one.ticks, values: (_, ticks) => ticks.map(one.text) }) });
+  const width = (_, texts) => 20 + 7 * Math.max(2, ...(texts || []).map((t) => String(t).length));
+  const tip = node("p", "tip", "\u00a0");
+  const paint = (u) => {
+    const { ctx, bbox } = u, dot = devicePixelRatio;
+    const to = (a, b) => [u.valToPos(a, "x", true), u.valToPos(b, "y", true)];
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    for (const { points, color } of lines) {
+      ctx.beginPath();
+      points.forEach((point) => ctx.lineTo(...to(...point)));
+      Object.assign(ctx, { strokeStyle: color, lineWidth: 1.5 * dot }).stroke();
+    }
+    for (const { x: a, y: b, text, color, form } of shapes) {
+      const [left, top] = to(a, b), size = 4.5 * dot;
+      ctx.fillStyle = ctx.strokeStyle = color;
+      ctx.beginPath();
+      if (form === "cell") {
+        const [first, second] = [to(a - 0.5, b + 0.5), to(a + 0.5, b - 0.5)];
+        ctx.fillRect(...first, second[0] - first[0], second[1] - first[1]);
+      } else if (form === "cross") {
+        for (const sign of [-1, 1]) {
+          ctx.moveTo(left - size, top - sign * size);
+          ctx.lineTo(left + size, top + sign * size);
+        }
+        Object.assign(ctx, { lineWidth: 2.5 * dot }).stroke();
+      } else if (form === "label") {
+        Object.assign(ctx, { font: `${11 * dot}px sans-serif`, textAlign: "right", textBaseline: "middle",
+          strokeStyle: shade("--paper"), lineWidth: 4 * dot });
+        ctx.strokeText(text, left - 1.6 * size, top);
+        ctx.fillText(text, left - 1.6 * size, top);
+      } else {
+        ctx.arc(left, top, size, 0, 2 * Math.PI);
+        ctx.fill();
+      }
+    }
+    ctx.restore();
+  };
+  const point = (u) => {
+    const far = (one) => Math.hypot(u.valToPos(one.x, "x") - u.cursor.left, u.valToPos(one.y, "y") - u.cursor.top);
+    const cell = (one) => one.form === "cell" && Math.abs(u.posToVal(u.cursor.left, "x") - one.x) < 0.5
+      && Math.abs(u.posToVal(u.cursor.top, "y") - one.y) < 0.5;
+    const found = shapes.filter((one) => one.form !== "label" && (cell(one) || far(one) < 8)).sort((a, b) => far(a) - far(b));
+    tip.textContent = found.length ? found[0].text : "\u00a0";
+  };
+  place.replaceChildren();
+  new uPlot({
+    width: printed ? printed[0] : place.clientWidth,
+    height: printed ? printed[1] : place.clientHeight - 56,
+    scales: { x: { time: false, distr: x.log ? 3 : 1, range: x.range }, y: { range: y.range } },
+    axes: [look(x), { ...look(y), size: width, show: !y.hidden }],
+    series: [{}, {}],
+    legend: { show: false },
+    cursor: { drag: { x: false, y: false }, points: { show: false } },
+    hooks: { draw: [paint], setCursor: [point] },
+  }, [x.range, [null, null]], place);
+  place.append(tip);
+}
+
+function charts(id, count) {
+  const places = Array.from({ length: count }, () => node("div", "chart"));
+  at(id).replaceChildren(...places);
+  return places;
+}
+
+const run = (i) => `run ${sweep.run[i]}${sweep.failed[i] ? ", failed" : ""}`;
+const told = (i, ...names) => [run(i), ...names.map((n) => `${n} ${shown(sweep.columns[n][i])}`)].join(", ");
+
 function drawAxes(metric) {
-  const places = sweep.axes.map(() => chart());
-  at("axes").replaceChildren(...places);
-  const values = sweep.columns[metric];
+  const places = charts("axes", sweep.axes.length), kept = rows(metric);
+  const y = axis(metric, kept, { few: false });
   for (const [index, name] of sweep.axes.entries()) {
-    const place = places[index];
-    const kept = rows(metric);
-    const trace = { x: kept.map((i) => sweep.columns[name][i]), y: kept.map((i) => values[i]),
-      text: kept.map((i) => `run ${sweep.run[i]}${sweep.failed[i] ? ", failed" : ""}`),
-      mode: "markers", type: "scatter",
-      marker: { size: 9, opacity: 0.8,
-        color: kept.map((i) => shade(sweep.failed[i] ? "--bad" : "--c0")),
-        symbol: kept.map((i) => (sweep.failed[i] ? "x" : "circle")) } };
-    const log = sweep.logarithmic.includes(name) ? "log" : undefined;
-    const type = numeric(sweep.columns[name]) ? log : "category";
-    draw(place, [trace], { xaxis: { title: { text: named(name) }, type, ...ticks(name) }, yaxis: { title: { text: named(metric) } } });
+    const x = axis(name, kept);
+    draw(places[index], x, y, kept.map((i) => ({ x: x.place(i), y: y.place(i), text: told(i, name, metric),
+      color: shade(sweep.failed[i] ? "--bad" : "--c0"), form: sweep.failed[i] ? "cross" : "circle" })));
   }
+}
+
+// From violet for the least to yellow for the largest, as Viridis of matplotlib.
+const VIRIDIS = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
+function heat(share) {
+  const place = Math.min(0.9999, Math.max(0, share || 0)) * (VIRIDIS.length - 1), i = Math.floor(place);
+  return `rgb(${VIRIDIS[i].map((c, k) => Math.round(c + (place - i) * (VIRIDIS[i + 1][k] - c))).join()})`;
+}
+
+// What the colours of a metric's values are, and a line that says so.
+function colors(metric, values) {
+  const [low, high] = reach(values);
+  const key = node("p", "key"), bar = node("i", "");
+  bar.style.background = `linear-gradient(90deg, ${VIRIDIS.map((c) => `rgb(${c.join()})`).join()})`;
+  key.append(`${named(metric)}: ${shown(low)} `, bar, ` ${shown(high)}`);
+  return [(value) => heat((value - low) / (high - low)), key];
 }
 
 // Two axes: the metric as colour, the mean where several runs fall together.
 function drawPair(metric) {
-  at("pair").replaceChildren();
   if (sweep.axes.length !== 2) return;
-  const place = chart();
-  at("pair").append(place);
-  const [x, y] = sweep.axes, kept = rows(metric);
-  const many = new Set(sweep.columns[x]).size * new Set(sweep.columns[y]).size > 2 * sweep.run.length;
-  const color = { colorscale: "Viridis", colorbar: { title: { text: named(metric) } } };
-  const traces = many
-    ? [{ type: "scatter", mode: "markers", x: kept.map((i) => sweep.columns[x][i]),
-        y: kept.map((i) => sweep.columns[y][i]), text: kept.map((i) => `run ${sweep.run[i]}`),
-        marker: { ...color, size: 9, color: kept.map((i) => sweep.columns[metric][i]) } }]
-    : [grid(x, y, metric, kept, color)];
-  const type = many ? undefined : "category";
-  draw(place, traces, { xaxis: { title: { text: named(x) }, type }, yaxis: { title: { text: named(y) }, type } });
-}
-
-function grid(x, y, metric, kept, color) {
-  const xs = order(x), ys = order(y), word = (value) => String(shown(value));
-  const sums = ys.map(() => xs.map(() => [0, 0]));
+  const kept = rows(metric), [first, second] = sweep.axes, [place] = charts("pair", 1);
+  const count = (name) => new Set(sweep.columns[name]).size;
+  const many = count(first) * count(second) > 2 * sweep.run.length;
+  const [x, y] = many ? [axis(first, kept), axis(second, kept)]
+    : [axis(first, kept, { words: true }), axis(second, kept, { words: true })];
+  const cells = new Map();
   for (const i of kept) {
-    const cell = sums[ys.indexOf(sweep.columns[y][i])][xs.indexOf(sweep.columns[x][i])];
-    cell[0] += sweep.columns[metric][i];
-    cell[1] += 1;
+    const key = many ? i : `${x.place(i)},${y.place(i)}`;
+    cells.set(key, [...(cells.get(key) ?? []), i]);
   }
-  const z = sums.map((row) => row.map(([sum, count]) => (count ? sum / count : null)));
-  return { type: "heatmap", x: xs.map(word), y: ys.map(word), z, ...color };
+  const mean = (found) => found.reduce((sum, i) => sum + sweep.columns[metric][i], 0) / found.length;
+  const all = [...cells.values()], [color, key] = colors(metric, all.map(mean));
+  draw(place, x, y, all.map((found) => ({ x: x.place(found[0]), y: y.place(found[0]), color: color(mean(found)),
+    form: many ? "circle" : "cell", text: many ? told(found[0], first, second, metric)
+      : `${first} ${x.text(x.place(found[0]))}, ${second} ${y.text(y.place(found[0]))}: ${metric} ${shown(mean(found))}` })));
+  at("pair").append(key);
 }
 
+// Three axes or more: a line for each run, through all of its values.
 function drawParallel(metric) {
-  at("parallel").replaceChildren();
   if (sweep.axes.length < 3) return;
-  const place = chart();
-  at("parallel").append(place);
-  const kept = rows(metric);
-  const dimensions = [...sweep.axes, metric].map((name) => dimension(name, kept));
-  const line = { color: kept.map((i) => sweep.columns[metric][i]), colorscale: "Viridis",
-    showscale: true };
-  draw(place, [{ type: "parcoords", dimensions, line }], { margin: { t: 60, r: 40, b: 20, l: 60 } });
-}
-
-function dimension(name, kept) {
-  const values = kept.map((i) => sweep.columns[name][i]);
-  if (numeric(values)) return { label: name, values, ...ticks(name) };
-  const words = [...new Set(values.map(String))];
-  return { label: name, values: values.map((v) => words.indexOf(String(v))),
-    tickvals: words.map((_, i) => i), ticktext: words };
+  const kept = rows(metric), [place] = charts("parallel", 1), names = [...sweep.axes, metric];
+  const sides = names.map((name) => axis(name, kept));
+  const height = (side, place) => (place - side.range[0]) / (side.range[1] - side.range[0]);
+  const share = (side, i) => height(side, side.place(i));
+  const [color, key] = colors(metric, kept.map((i) => sweep.columns[metric][i]));
+  const lines = kept.map((i) => ({ points: sides.map((side, n) => [n, share(side, i)]),
+    color: color(sweep.columns[metric][i]) }));
+  const ends = kept.flatMap((i) => sides.map((side, n) => ({ x: n, y: share(side, i), text: told(i, ...names),
+    color: color(sweep.columns[metric][i]), form: "circle" })));
+  const labels = sides.flatMap((side, n) => (side.ticks ?? reach(kept.map(side.place))).map((tick) => ({ x: n,
+    y: height(side, tick), text: side.text(tick), color: shade("--ink"), form: "label" })));
+  const isWide = place.clientWidth > 160 * names.length;
+  const x = { range: [-0.45, names.length - 0.5], ticks: names.map((_, n) => n),
+    text: (n) => (isWide ? names[n] : names[n].split(".").pop()) };
+  draw(place, x, { range: [0, 1], hidden: true }, [...ends, ...labels], lines);
+  at("parallel").append(key);
 }
 
 function drawFront() {
-  const [x, y] = [at("first").value, at("second").value], kept = rows(x, y);
+  const [first, second] = [at("first").value, at("second").value], kept = rows(first, second);
   const better = at("better").selectedIndex;
   const signs = [better === 0 || better === 1 ? 1 : -1, better === 0 || better === 2 ? 1 : -1];
-  const points = kept.map((i) => [sweep.columns[x][i], sweep.columns[y][i], sweep.run[i]]);
-  const sorted = [...points].sort((a, b) => signs[0] * (a[0] - b[0]) || signs[1] * (a[1] - b[1]));
+  const [x, y] = [axis(first, kept, { few: false }), axis(second, kept, { few: false })];
+  const points = kept.map((i) => ({ x: x.place(i), y: y.place(i), text: told(i, first, second),
+    color: `${shade("--soft")}80`, form: "circle" }));
+  const sorted = [...points].sort((a, b) => signs[0] * (a.x - b.x) || signs[1] * (a.y - b.y));
   let best = Infinity;
-  const front = sorted.filter((p) => signs[1] * p[1] < best && ((best = signs[1] * p[1]), true));
-  const trace = (found, more) => ({ x: found.map((p) => p[0]), y: found.map((p) => p[1]),
-    text: found.map((p) => `run ${p[2]}`), type: "scatter", ...more });
-  draw(at("front"), [
-    trace(points, { mode: "markers", name: "runs", marker: { opacity: 0.5, color: shade("--soft") } }),
-    trace(front, { mode: "lines+markers", name: "Pareto front", line: { color: shade("--c1") } }),
-  ], { xaxis: { title: { text: named(x) } }, yaxis: { title: { text: named(y) } }, legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom" } });
+  const front = sorted.filter((p) => signs[1] * p.y < best && ((best = signs[1] * p.y), true));
+  const color = shade("--c1");
+  draw(at("front"), x, y, [...points, ...front.map((p) => ({ ...p, color }))],
+    [{ points: front.map((p) => [p.x, p.y]), color }]);
+  const key = node("p", "key", " Pareto front"), bar = node("i", "");
+  bar.style.background = color;
+  key.prepend(bar);
+  at("front").append(key);
 }
 
 function drawExtremes(metric) {
   const kept = rows(metric).sort((a, b) => sweep.columns[metric][a] - sweep.columns[metric][b]);
   const chosen = kept.length > 10 ? [...kept.slice(0, 5), ...kept.slice(-5)] : kept;
-  const table = document.createElement("table"), head = table.insertRow();
-  for (const name of ["run", ...sweep.axes, metric]) {
-    head.append(Object.assign(document.createElement("th"), { textContent: broken(named(name)) }));
-  }
+  const table = node("table", ""), head = table.insertRow();
+  for (const name of ["run", ...sweep.axes, metric]) head.append(node("th", "", broken(named(name))));
   for (const i of chosen) {
     const row = table.insertRow();
     row.className = (metric === sweep.metric && sweep.extremes[sweep.run[i]]) || "";
@@ -163,12 +235,11 @@ const other = sweep.metrics.find((m) => !m.startsWith(sweep.metric) && m !== "su
 fill(at("second"), sweep.metrics, other ?? sweep.metric);
 at("metric").onchange = drawMetric;
 for (const id of ["first", "second", "better"]) at(id).onchange = drawFront;
-const drawAll = () => (drawMetric(), drawFront());
-dark.onchange = drawAll;
+const drawAll = () => sweep.metrics.length && (drawMetric(), drawFront());
+matchMedia("(prefers-color-scheme: dark)").onchange = drawAll;
 // Paper is narrower than a screen, and a chart has pixels: those of A4 without its margins.
-const resized = (size) => () => {
-  for (const place of document.querySelectorAll(".chart")) Plotly.relayout(place, size);
-};
-addEventListener("beforeprint", resized({ width: 680, height: 300 }));
-addEventListener("afterprint", resized({ width: null, height: null, autosize: true }));
-if (sweep.metrics.length) drawAll();
+addEventListener("beforeprint", () => ((printed = [680, 300]), drawAll()));
+addEventListener("afterprint", () => ((printed = null), drawAll()));
+let width = innerWidth;
+addEventListener("resize", () => innerWidth !== width && ((width = innerWidth), drawAll()));
+drawAll();

@@ -10,11 +10,10 @@ from string import Template
 from typing import Any
 from urllib.parse import quote
 
-from stepbus_participant import need
-from stepbus_tools.look import MARK, png_figure, style_sheet
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import Plan, Spec
 from stepbus_tools.sweep.sweep_metrics import BUILTIN, UNITS
+from stepbus_tools.theme import MARK, png_figure, style_sheet, uplot
 from stepbus_tools.whole_file import replaced
 
 PAGE_FILE = "report.html"
@@ -36,7 +35,7 @@ def write_page(
 
     Raises RecordingFailed when it cannot be written.
     """
-    (offline,) = need("the report of a sweep", "plotly.offline")
+    library, library_style = uplot("the report of a sweep")
     every = math.ceil(len(journal) / _MOST_ROWS) or 1
     rows = [row for index, row in enumerate(journal.rows()) if index % every == 0]
     failed = sum(row.exit_code != 0 for row in journal.rows())
@@ -48,7 +47,7 @@ def write_page(
     text = Template((room / "page.html").read_text("utf-8")).substitute(
         title=escape(f"Sweep of {plan.spec.scenario}"),
         icon=quote(MARK),
-        style=style_sheet(),
+        style=style_sheet() + library_style,
         mark=MARK + "stepbus",
         verdict=f'<span class="verdict{" failed" if failed else ""}">{word}</span>',
         summary=f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed{note}.{part}",
@@ -58,7 +57,7 @@ def write_page(
             f"<pre>stepbus rerun {escape(folder.name)} {number}</pre><p>repeats run {number} "
             "in separate processes and compares the SHA-256 of its recording.</p>"
         ),
-        library=offline.get_plotlyjs(),
+        library=library,
         # JSON that ends no script.
         data=json.dumps(_data(journal, plan, paths, rows)).replace("</", "<\\/"),
         script=(room / "page.js").read_text("utf-8"),

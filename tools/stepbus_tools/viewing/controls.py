@@ -5,8 +5,8 @@ from typing import Any
 
 from stepbus_tools.viewing.run_client import RunClient
 from stepbus_tools.viewing.scene.build import Ports
+from stepbus_tools.viewing.stage.recording_view import stop_banner
 from stepbus_tools.viewing.stage.stage import Stage
-from stepbus_tools.viewing.stage.view import stop_banner
 from stepbus_tools.viewing.steer_panel import SteerPanel, offering
 
 _SPEEDS: Mapping[str, float | None] = {

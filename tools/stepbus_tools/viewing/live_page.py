@@ -23,9 +23,9 @@ from stepbus_tools.viewing.history import EVENT_TYPES, mark_of, stop_of
 from stepbus_tools.viewing.run_client import FRAME_S, RunClient
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.scene import Latest, Messages
-from stepbus_tools.viewing.stage.curves import Data, Signal
+from stepbus_tools.viewing.stage.chart_tab import Data, Signal
+from stepbus_tools.viewing.stage.recording_view import View, failure_banner, plain_topics
 from stepbus_tools.viewing.stage.stage import Framing, add_light
-from stepbus_tools.viewing.stage.view import View, failure_banner, plain_topics
 from stepbus_tools.viewing.viewpoint import Swept
 
 _IDLE_S = 5.0

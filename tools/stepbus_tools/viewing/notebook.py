@@ -9,9 +9,9 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.result import Result
 from stepbus_tools.columns import dotted
-from stepbus_tools.look import PAPER, figure
 from stepbus_tools.report.charts import find_signals, signal_names
 from stepbus_tools.report.picture import draw
+from stepbus_tools.theme import PAPER, figure
 from stepbus_tools.viewing.exports.scene_file import scene_at_end
 from stepbus_tools.viewing.page import PAGE_FILE
 from stepbus_tools.whole_file import replaced

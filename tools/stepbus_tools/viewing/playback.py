@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.analysis.diff import diff
-from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_schemas import StepbusError
@@ -19,9 +18,14 @@ from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.stage.curves import Data, Signal
+from stepbus_tools.viewing.stage.chart_tab import Data, Signal
+from stepbus_tools.viewing.stage.recording_view import (
+    View,
+    failure_banner,
+    plain_topics,
+    stop_banner,
+)
 from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Framing, Stage, add_light
-from stepbus_tools.viewing.stage.view import View, failure_banner, plain_topics, stop_banner
 from stepbus_tools.viewing.viewpoint import swept
 
 _SAMPLES = 400
@@ -50,10 +54,6 @@ def open_recording(path: Path) -> Recording:
     """
     with contextlib.ExitStack() as stack:
         recording = stack.enter_context(Recording(path))
-        if recording.last_step < 0:
-            why = f": it {recording.cut_short}" if recording.cut_short else ""
-            text = f"{recording.path} has no messages; nothing to show{why}"
-            raise RecordingFailed(text)
         check_readable(recording)
         stack.pop_all()
     return recording

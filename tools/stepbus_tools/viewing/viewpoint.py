@@ -176,19 +176,15 @@ def framed(
         (right, -down, ahead)
     ).T
     slopes, ends = math.tan(fov / 2) * np.array([aspect, 1.0]), np.array(free)
-
-    def shifts(distance: float) -> tuple[Floats, Floats]:
-        reach = (distance + rows[:, 2:]) * slopes
-        below, above = rows[:, :2] - reach * ends[:, 1], rows[:, :2] - reach * ends[:, 0]
-        return below.max(axis=0), above.min(axis=0)
-
-    near, far = float(-rows[:, 2].min()) + _NEAREST_M, 200.0 * size_of(box)
-    for _ in range(40):
-        distance = (near + far) / 2
-        least, most = shifts(distance)
-        near, far = (near, distance) if (least <= most).all() else (distance, far)
-    least, most = shifts(far)
-    eye = middle + ((least + most) / 2) @ np.stack((right, -down)) - far * ahead
+    # A corner is in that part where the eye's shift lies between two values, both linear in the
+    # distance: where the largest lower one meets the smallest upper one, the eye is nearest.
+    low_end, high_end = slopes * ends.T
+    least = (rows[:, :2] - rows[:, 2:] * high_end).max(axis=0)
+    most = (rows[:, :2] - rows[:, 2:] * low_end).min(axis=0)
+    distances = (least - most) / (high_end - low_end)
+    far = max(float(distances.max()), float(-rows[:, 2].min()) + _NEAREST_M)
+    shift = (least - far * high_end + most - far * low_end) / 2
+    eye = middle + shift @ np.stack((right, -down)) - far * ahead
     return Viewpoint(eye=eye, target=eye + far * ahead)
 
 

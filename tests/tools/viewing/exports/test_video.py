@@ -9,7 +9,7 @@ from support.messages.recordings import write
 from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import Description, Image, Poses, WiringError
-from stepbus_tools.viewing.render import Painter
+from stepbus_tools.viewing.rasteriser import Painter
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene

@@ -5,7 +5,7 @@ import pytest
 from support.browser import needs_chromium, opened, picture
 from support.pages import STEPS, save_result, write_recording
 
-from stepbus_tools.look import LINES
+from stepbus_tools.theme import LINES
 from stepbus_tools.viewing.page import write_page
 
 pytestmark = [pytest.mark.slow, needs_chromium]

@@ -16,7 +16,8 @@ from stepbus_orchestrator.recording import Recording, TimingRecorder
 from stepbus_orchestrator.run.reports import Lateness
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import Event, JointReference, JointState, Scalars
-from stepbus_tools.viewing.page import report_page, write_page
+from stepbus_tools import theme
+from stepbus_tools.viewing.page import write_page
 
 LATE = Lateness(
     factor=1.0, steps=120, p50_us=80.0, p99_us=900.0, max_us=1200.0,
@@ -144,7 +145,7 @@ def test_a_comparison_begins_with_the_largest_errors(tmp_path):
         }
         paths.append(write(tmp_path / name / "run.mcap", **ports))
     text = write_page(paths, tmp_path / "both.html").read_text()
-    assert re.findall(r"</svg>(\w+)</th>", text) == ["a", "b"]
+    assert re.findall(r"</i>(\w+)</th>", text) == ["a", "b"]
     less = '<span class="less">(−50\u00a0%)</span>'
     assert f"<th>largest error, hip</th><td>0.2 rad</td><td>0.1 rad {less}</td>" in text
     assert "<th>largest error, knee</th><td>0 rad</td><td>0 rad</td>" in text
@@ -262,6 +263,6 @@ def test_a_page_that_cannot_be_written_changes_no_exit_code(tmp_path, capsys, mo
 
 
 def test_without_its_extra_it_says_how_to_install_it(recording, monkeypatch):
-    monkeypatch.setattr(report_page, "find_spec", lambda _name: None)
+    monkeypatch.setattr(theme, "find_spec", lambda _name: None)
     with pytest.raises(ExtraMissing, match=r"needs uplot, which is not installed; pip install"):
         write_page([recording])

@@ -17,7 +17,6 @@ from stepbus_participant import suggest
 from stepbus_schemas import ENVELOPE_TYPES, Message, StepbusError, WiringError
 from stepbus_tools.columns import readable
 from stepbus_tools.exporters import exporters
-from stepbus_tools.viewing.scene.scene import Latest, Messages, Scene
 
 Reached = Callable[[int], None]
 """Takes the step that was reached."""
@@ -99,7 +98,6 @@ def progress_bar(what: str, last_step: int) -> Iterator[Reached]:
 
 
 NS = 1_000_000_000
-_PER_S = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,27 +131,6 @@ def instants(
     in_order = _in_order(recording, ports, lost, reached)
     for t_ns, group in groupby(in_order, key=lambda instant: instant.t_ns):
         yield t_ns, list(group)
-
-
-def thinned(
-    recording: Recording,
-    scene: Scene,
-    ports: Collection[Port],
-    lost: dict[str, str],
-    reached: Reached,
-) -> Iterator[tuple[int, Messages, list[Instant]]]:
-    """Yield (time [ns], newest messages of the scene if it has moved, messages at that time).
-
-    At most 30 poses of the scene, and messages of each topic, in a second; events are all there.
-    lost: as of `instants`.
-    """
-    rate, latest = Rate(_PER_S), dict[str, Latest]()
-    for t_ns, group in instants(recording, ports, lost, reached):
-        moving = [i for i in group if i.port.topic in scene.topics]
-        latest |= {i.port.topic: Latest(i.step, i.message) for i in moving}
-        has_moved = bool(moving) and rate.passes("", t_ns)
-        passed = [i for i in group if i.port.type == "Event/1" or rate.passes(i.port.topic, t_ns)]
-        yield t_ns, latest if has_moved else {}, passed
 
 
 def _in_order(

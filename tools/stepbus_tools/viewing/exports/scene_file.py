@@ -10,11 +10,11 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import StepbusError
 from stepbus_tools.report.summary import scenario_name
+from stepbus_tools.viewing.door import branded, open_page
 from stepbus_tools.viewing.exports.exporter import Exported, Reached
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.render import Painter, Pixels
+from stepbus_tools.viewing.rasteriser import Painter, Pixels
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.stage.server import branded, open_page
 from stepbus_tools.viewing.stage.stage import Stage, add_floor
 from stepbus_tools.viewing.viewpoint import framed, swept
 from stepbus_tools.whole_file import replaced

@@ -16,11 +16,11 @@ from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_participant import need, parse_duration
 from stepbus_schemas import Image, StepbusError, WiringError
-from stepbus_tools.look import PAPER
 from stepbus_tools.report.summary import scenario_name
+from stepbus_tools.theme import PAPER
 from stepbus_tools.viewing.exports.exporter import NS, Exported, Rate, Reached
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.render import Painter, Pixels, pixels_of
+from stepbus_tools.viewing.rasteriser import Painter, Pixels, pixels_of
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.viewpoint import parse_viewpoint, swept
 from stepbus_tools.whole_file import replaced

@@ -17,7 +17,6 @@ from stepbus_orchestrator.run.reports import Lateness, in_units
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_schemas import Image, StepbusError
 from stepbus_tools.columns import readable
-from stepbus_tools.look import line_style
 from stepbus_tools.report.charts import Chart, Mark, field_chart, joint_charts
 from stepbus_tools.report.curves import (
     ContactCurves,
@@ -28,6 +27,7 @@ from stepbus_tools.report.curves import (
 )
 from stepbus_tools.report.picture import draw_report, is_pictured
 from stepbus_tools.report.summary import read_joints, scenario_name
+from stepbus_tools.theme import line_style
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.exports.scene_file import scene_at_end
 from stepbus_tools.viewing.history import History, read_timeline

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_tools.look import engineering, line_style, prefixed
 from stepbus_tools.report.charts import Chart, ChartLine
 from stepbus_tools.report.curves import Curve
 from stepbus_tools.signals import Array
+from stepbus_tools.theme import engineering, line_style, prefixed
 
 from .content import Group, RunPage
 

@@ -12,8 +12,8 @@ from stepbus_orchestrator.run.reports import in_units
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.locate import builtin_name
 from stepbus_participant import open_regular
-from stepbus_tools.look import engineering, run_sample
 from stepbus_tools.report.charts import Chart
+from stepbus_tools.theme import engineering
 from stepbus_tools.viewing.page.content import RunPage
 
 _MOST_WARNINGS = 10
@@ -217,7 +217,8 @@ def comparison_html(runs: Sequence[RunPage]) -> str:
     if len(runs) < 2:
         return ""
     names = "".join(
-        f"<th>{run_sample(number)}{escape(run.label)}</th>" for number, run in enumerate(runs)
+        f'<th><i class="sample l6 run{number % 4}"></i>{escape(run.label)}</th>'
+        for number, run in enumerate(runs)
     )
     rows = "".join(
         f"<tr><th>{escape(name)}</th>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"

@@ -5,22 +5,21 @@ from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 from importlib.resources.abc import Traversable
-from importlib.util import find_spec
 from itertools import zip_longest
 from pathlib import Path
 from string import Template
 from typing import NamedTuple
 from urllib.parse import quote
 
-from stepbus_participant import ExtraMissing, lacks
+from stepbus_participant import ExtraMissing
 from stepbus_tools.columns import dotted
-from stepbus_tools.look import MARK, figure, png_figure, style_sheet
 from stepbus_tools.report.charts import Chart, ChartLine, path_of
 from stepbus_tools.report.picture import draw
+from stepbus_tools.theme import MARK, figure, png_figure, style_sheet, uplot
 from stepbus_tools.viewing.exports.scene_file import REPLAY_POLICY, packed_replay, replay_html
 from stepbus_tools.viewing.page.content import lateness_html, times_html
 from stepbus_tools.viewing.page.head import again, comparison_html
-from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.viewing.rasteriser import pixels_of
 from stepbus_tools.whole_file import replaced
 
 from .content import RunPage
@@ -68,7 +67,7 @@ def render_page(runs: Sequence[RunPage], target: Path, replays: Sequence[str] = 
 
     replays: of their scenes, packed; none where they are empty.
     """
-    library, assets = _uplot(), files(__package__ or "") / "assets"
+    (library, library_style), assets = uplot("the page"), files(__package__ or "") / "assets"
     if len(runs) > 1:
         folders = [run.path.parent.name or run.path.stem for run in runs]
         for run, folder in zip(runs, folders, strict=True):
@@ -94,24 +93,14 @@ def render_page(runs: Sequence[RunPage], target: Path, replays: Sequence[str] = 
         scene=_scenes(runs, replays),
         contents="".join(f'<a href="#{s.id}">{s.title}</a>' for s in sections if s.content),
         sections="".join(map(str, sections)),
-        style=style_sheet() + _read(library / "uPlot.min.css") + _read(assets / "page.css"),
-        library=_read(library / "uPlot.iife.js"),
+        style=style_sheet() + library_style + _read(assets / "page.css"),
+        library=library,
         data=_script(curves.data()),
         script=_read(assets / "page.js"),
     )
     with replaced(target) as part:
         part.write_text(text, encoding="utf-8")
     return target
-
-
-def _uplot() -> Path:
-    """Return the folder of uPlot, which the package uplot-python carries."""
-    # It is not imported: that would load IPython.
-    spec = find_spec("uplot")
-    for place in (spec.submodule_search_locations or ()) if spec else ():
-        if (static := Path(place) / "static").is_dir():
-            return static
-    raise ExtraMissing(lacks("the page", "uplot"))
 
 
 def _read(file: Traversable) -> str:

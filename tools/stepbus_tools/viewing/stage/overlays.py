@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_schemas import Contacts, Detections, Image, Plan
-from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.viewing.rasteriser import pixels_of
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Messages

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_tools.look import LINES
-from stepbus_tools.viewing.render import rgb
+from stepbus_tools.theme import LINES
+from stepbus_tools.viewing.rasteriser import rgb
 from stepbus_tools.viewing.scene.meshes import Color, Visual
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene

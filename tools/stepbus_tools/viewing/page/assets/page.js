@@ -230,10 +230,7 @@ function node(tag, className, ...inside) {
 
 // How lines of some classes are drawn, and what they are of.
 function sample(style, text) {
-  const made = node("span", "");
-  made.innerHTML = `<svg viewBox="0 0 40 8" class="sample" aria-hidden="true"><path class="${style}" d="M0 4H40"/></svg>`;
-  made.append(text);
-  return made;
+  return node("span", "", node("i", `sample ${style}`), text);
 }
 
 const joints = report.groups.filter((group) => group.color !== null);

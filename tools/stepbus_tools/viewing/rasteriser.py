@@ -1,6 +1,5 @@
-"""Draws a scene into pixels, triangle by triangle; and a still of a recording."""
+"""Draws a scene into pixels, triangle by triangle."""
 
-import io
 import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
@@ -8,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_participant import need
 from stepbus_schemas import Image
-from stepbus_tools.look import PAPER
+from stepbus_tools.theme import PAPER
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Messages, Scene
 from stepbus_tools.viewing.viewpoint import FIELD_OF_VIEW, Floats, Viewpoint, moved, rotation
@@ -277,20 +275,6 @@ def _cut(triangle: Floats) -> list[Floats]:
         if b[2] >= _NEAR_M:
             pieces.append(b)
     return pieces
-
-
-def jpeg(image: Image) -> bytes | None:
-    """Return an image as JPEG; None where its bytes do not fit its size.
-
-    Raises ExtraMissing without Pillow.
-    """
-    (pillow,) = need("an image", "PIL.Image")
-    stream = io.BytesIO()
-    try:
-        pillow.fromarray(np.ascontiguousarray(pixels_of(image))).save(stream, "JPEG", quality=85)
-    except (ValueError, SystemError):
-        return None
-    return stream.getvalue()
 
 
 def pixels_of(image: Image) -> Pixels:

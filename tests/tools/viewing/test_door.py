@@ -10,7 +10,10 @@ from urllib.parse import urljoin, urlparse
 from urllib.request import url2pathname
 
 import pytest
+import viser
 from support.browser import needs_chromium, opened
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
 
 BROWSER = """#!/bin/sh
 printf '%s\\n' "$1" > "$OUT/given"
@@ -19,7 +22,7 @@ cp -p "$file" "$OUT/file"
 ls -ld "$(dirname "$file")" | cut -c1-10 > "$OUT/folder"
 """
 OPEN = """
-from stepbus_tools.viewing.access import open_in_browser
+from stepbus_tools.viewing.door import open_in_browser
 open_in_browser("http://127.0.0.1:8080/s3cret-token/")
 """
 
@@ -106,6 +109,19 @@ def test_pages_of_other_servers_are_refused(view):
     assert get(address, **UPGRADE, Origin=f"http://{place}")[0] == 101
     for origin in ("null", "http://evil.example", f"http://{place}.evil.example", "file://"):
         assert get(address, **UPGRADE, Origin=origin)[0] == 403
+
+
+def test_the_port_of_viser_itself_shows_strangers_nothing(page):
+    port, token = page.server.get_port(), urlparse(page.address).path
+    protocol = [f"viser-v{viser.__version__}"]
+    with connect(f"ws://127.0.0.1:{port}{token}", subprotocols=protocol) as known:
+        assert known.recv(timeout=60)
+    for path in ("/", "/guess/"):
+        with (
+            connect(f"ws://127.0.0.1:{port}{path}", subprotocols=protocol) as stranger,
+            pytest.raises(ConnectionClosed),
+        ):
+            stranger.recv(timeout=60)
 
 
 @pytest.mark.slow

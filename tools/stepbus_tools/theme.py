@@ -1,8 +1,8 @@
-"""How everything of stepbus looks: its mark, typefaces and colours.
+"""The theme of everything that stepbus draws: its mark, typefaces and colours.
 
 Reports, pages, pictures and the site take them from here. Seven colours and two line styles tell
 fourteen lines apart; the colours differ for readers with any colour blindness too, which
-`tests/tools/test_look.py` measures, and have a contrast of 3:1 with what they are drawn on.
+`tests/tools/test_theme.py` measures, and have a contrast of 3:1 with what they are drawn on.
 """
 
 import base64
@@ -12,11 +12,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_participant import need
+from stepbus_participant import ExtraMissing, lacks, need
 
 TEXT_FONT = '"Inter", "Segoe UI", system-ui, -apple-system, "Helvetica Neue", sans-serif'
 NUMBER_FONT = '"JetBrains Mono", ui-monospace, "SF Mono", Consolas, "DejaVu Sans Mono", monospace'
@@ -88,13 +90,26 @@ def style_sheet() -> str:
     )
     fonts = f"--text:{TEXT_FONT};--numbers:{NUMBER_FONT};"
     classes = "".join(
-        f".l{n}{{stroke:var(--c{n})}}.f{n}{{fill:var(--c{n});background:var(--c{n})}}"
-        for n in range(len(LINES))
+        f".l{n}{{color:var(--c{n})}}.f{n}{{background:var(--c{n})}}" for n in range(len(LINES))
     )
     return (
         f":root{{color-scheme:light dark;{fonts}{day}}}"
         f"@media screen and (prefers-color-scheme:dark){{:root{{{night}}}}}{classes}"
     )
+
+
+def uplot(what: str) -> tuple[str, str]:
+    """Return the script and the style sheet of uPlot, which the package uplot-python carries.
+
+    what: needs it. Raises ExtraMissing without the package.
+    """
+    # It is not imported: that would load IPython.
+    spec = find_spec("uplot")
+    for place in (spec.submodule_search_locations or ()) if spec else ():
+        if (static := Path(place) / "static").is_dir():
+            script, style = static / "uPlot.iife.js", static / "uPlot.min.css"
+            return script.read_text("utf-8"), style.read_text("utf-8")
+    raise ExtraMissing(lacks(what, "uplot"))
 
 
 _PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -121,15 +136,6 @@ def engineering(value: float, unit: str) -> str:
     """Return a number of three digits with its unit."""
     factor, shown = prefixed(value, unit)
     return f"{value * factor:.3g} {shown}".strip()
-
-
-def run_sample(number: int) -> str:
-    """Return how the lines of a run are drawn, by its place among several."""
-    style = f"l6 run{number % 4}" if number else "l6"
-    return (
-        '<svg viewBox="0 0 40 8" class="sample" aria-hidden="true">'
-        f'<path class="{style}" d="M0 4H40"/></svg>'
-    )
 
 
 def png_figure(picture: bytes, caption: str, background: str = "") -> str:

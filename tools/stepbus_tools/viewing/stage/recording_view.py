@@ -10,7 +10,7 @@ from stepbus_schemas import BaseState, Detections, EmergencyStop, GripperState
 from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.scene import Messages, Scene
-from stepbus_tools.viewing.stage.curves import Curves, Data, Signal, signals
+from stepbus_tools.viewing.stage.chart_tab import Curves, Data, Signal, signals
 from stepbus_tools.viewing.stage.overlays import Images, Overlays, Past
 from stepbus_tools.viewing.stage.stage import Stage
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stepbus_tools.look import LINES, LINES_DARK, MARK, NIGHT, PAPER, line_style
+from stepbus_tools.theme import LINES, LINES_DARK, MARK, NIGHT, PAPER, line_style
 
 # Machado, Oliveira, Fernandes 2009, severity 1.0, for linear RGB.
 BLINDNESS = {

@@ -24,19 +24,23 @@ from stepbus_tools.signals import Array
 from stepbus_tools.viewing.exports.exporter import (
     Exported,
     Instant,
+    Rate,
     Reached,
+    instants,
     readable_ports,
-    thinned,
 )
-from stepbus_tools.viewing.render import jpeg
+from stepbus_tools.viewing.rasteriser import pixels_of
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
-from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.scene.scene import Frame, Latest, Scene
 from stepbus_tools.whole_file import replaced
 
 _NO_CURVES = ("Detections/1", "Goal/1", "Image/1", "Poses/1", "Transforms/1")
 """Types whose numbers are seen elsewhere, or make no curve."""
+_QUALITY = 85
 _DEPTH = "32FC1"
+_PER_S = 30.0
+"""Poses of the scene, and images of each camera, at most."""
 
 
 def write(recording: Recording, target: Path, reached: Reached) -> Exported:
@@ -44,19 +48,23 @@ def write(recording: Recording, target: Path, reached: Reached) -> Exported:
     ports, lost = readable_ports(recording)
     scene = build_scene(recording)
     wanted = [p for p in ports if p.type in ("Event/1", "Image/1") or p.topic in scene.topics]
+    rate, latest = Rate(_PER_S), dict[str, Latest]()
     with replaced(target) as path:
         file = _Rrd(target, recording, scene)
         try:
             file.open(path)
             for shown in scene.frames:
                 file.look(shown)
-            for t_ns, moved, group in thinned(recording, scene, wanted, lost, reached):
-                if moved:
-                    file.move(
-                        scene.world_poses(moved), max(one.step for one in moved.values()), t_ns
-                    )
+            for t_ns, group in instants(recording, wanted, lost, reached):
+                moving = {i.port.topic: i for i in group if i.port.topic in scene.topics}
+                latest |= {topic: Latest(i.step, i.message) for topic, i in moving.items()}
+                if moving and rate.passes("", t_ns):
+                    step = max(one.step for one in latest.values())
+                    file.move(scene.world_poses(latest), step, t_ns)
                 for instant in group:
-                    file.take(instant)
+                    # No event is left out.
+                    if instant.port.type == "Event/1" or rate.passes(instant.port.topic, t_ns):
+                        file.take(instant)
             lost |= file.curves(ports, lost)
             file.end()
         finally:
@@ -162,10 +170,9 @@ class _Rrd:
             if image.encoding == _DEPTH:
                 meters = np.frombuffer(image.data, "<f4").reshape(image.height, image.width)
                 return self._rr.DepthImage(meters, meter=1.0)
-        except ValueError:
+            return self._rr.Image(pixels_of(image)).compress(jpeg_quality=_QUALITY)
+        except (ValueError, SystemError):
             return None
-        data = jpeg(image)
-        return data and self._rr.EncodedImage(contents=data, media_type="image/jpeg")
 
     def curves(self, ports: Sequence[Port], lost: Mapping[str, str]) -> dict[str, str]:
         """Write all numbers; return topic → why one is not whole, of those that were not lost."""

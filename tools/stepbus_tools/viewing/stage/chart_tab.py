@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from stepbus_schemas import Message
 from stepbus_tools.columns import LISTS, NUMBERS, dotted, fields_of, limits_of
-from stepbus_tools.look import LINES, PAPER, line_style
 from stepbus_tools.report.charts import Mark
+from stepbus_tools.theme import LINES, PAPER, line_style
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.scene import Messages
 
