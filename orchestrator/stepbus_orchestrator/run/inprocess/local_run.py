@@ -15,9 +15,9 @@ import msgspec
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.run.extension import RunView, Strategy
 from stepbus_orchestrator.run.folder import LOGS_FOLDER
+from stepbus_orchestrator.run.inprocess.heartbeat import MOST, PUBLISHED, STAGE, Heartbeat, Stage
 from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub
 from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
-from stepbus_orchestrator.run.inprocess.turns import MOST, PUBLISHED, STAGE, Stage, Turns
 from stepbus_orchestrator.run.inprocess.watch import watched
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
@@ -98,7 +98,7 @@ class LocalRun(Strategy):
         files = [spec.participant.rpartition(":")[0] for spec in specs]
         files = [file for file in files if file.endswith(".py")]
         self.surroundings = Surroundings(folder, files)
-        self.memory: Turns
+        self.memory: Heartbeat
         self._run = run
         self._pid = os.getpid()
         self._handlers: dict[int, Any] = {}

@@ -17,8 +17,8 @@ from support.tools import needs_pybullet
 import stepbus
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.inprocess.heartbeat import Heartbeat
 from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub
-from stepbus_orchestrator.run.inprocess.turns import Turns, make_file
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario.load import load
@@ -180,7 +180,7 @@ def test_a_log_on_a_full_disk_fails_nobody_else():
     def leave() -> int:
         raise SystemExit("no room for this")
 
-    hub, turns = Hub(time), Turns(make_file())
+    hub, heartbeat = Hub(time), Heartbeat()
     bus = LoopbackBus(make_queue=hub.queue)
     ticket = Ticket(
         run="r", name="worker", token="", endpoint=Endpoint(listen=[], connect=["this process"]),
@@ -188,9 +188,9 @@ def test_a_log_on_a_full_disk_fails_nobody_else():
     )  # fmt: skip
     hosted = HostedParticipant(
         hub, ticket, LoopbackBus(bus, hub.queue), Path("/dev/full"), leave,
-        words=turns.words, number=1, shown=False,
+        words=heartbeat.words, number=1, shown=False,
     )  # fmt: skip
     assert hosted.wait(5)
     hosted.end()
-    turns.close()
+    heartbeat.close()
     assert hosted.exit_code() == 1
