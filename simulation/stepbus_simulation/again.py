@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from unittest.mock import patch
 
 from stepbus_orchestrator.errors import RecordingFailed
@@ -15,6 +15,7 @@ from stepbus_orchestrator.replay.execute import replay
 from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.replay.rerun import Repeated, rerun
 from stepbus_orchestrator.run import run_scenario
+from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_schemas import StepbusError
@@ -120,7 +121,12 @@ def _hosted(host: SimulatedHost) -> Iterator[None]:
     """Let all that runs from a recording run on a simulated host."""
 
     def run(scenario: Scenario, options: run_scenario.Options, *more: Any) -> Result:
+        host.is_star = cast("Processes", options.host).is_star
         return run_scenario.run(scenario, dataclasses.replace(options, host=host), *more)
+
+    def processes(*, is_star: bool, **_options: Any) -> SimulatedHost:
+        host.is_star = is_star
+        return host
 
     # The package has functions of the same names.
     modules = (sys.modules[item.__module__] for item in (rerun, branch, replay))
@@ -128,6 +134,6 @@ def _hosted(host: SimulatedHost) -> Iterator[None]:
     with (
         patch.object(of_rerun, "run", run),
         patch.object(of_branch, "run", run),
-        patch.object(of_replay, "Processes", lambda **_options: host),
+        patch.object(of_replay, "Processes", processes),
     ):
         yield

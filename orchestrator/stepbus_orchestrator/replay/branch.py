@@ -117,7 +117,7 @@ class BranchPlan:
         prefix = RecordedPrefix(self._recording, self.at, counts_from, self._restored)
         options = Options(
             out=self._out,
-            host=host_of(in_process=in_process, owns_descriptors=owns_descriptors),
+            host=host_of(in_process=in_process, owns_descriptors=owns_descriptors, is_star=True),
             extensions=[prefix, Calls(calls, self._new_calls), Debug(debug)],
         )
         result = run(self.scenario, options, observer, interrupt)

@@ -59,8 +59,6 @@ class Replayed(Repetition):
     Raises ParticipantFault for a message that is not of its port's type.
     """
 
-    is_star = True
-
     def __init__(
         self,
         recording: Recording,
@@ -254,7 +252,7 @@ def _run(
     folder: gets the participant's log.
     """
     name, recording = replayed.spec.name, replayed.recording
-    host = Processes(start_order=[name])
+    host = Processes(start_order=[name], is_star=True)
     run = Run(
         scenario,
         sink,

@@ -35,8 +35,6 @@ class RecordedPrefix(Repetition):
     Raises Diverged with the first difference, and the participant that made it.
     """
 
-    is_star = True
-
     def __init__(
         self,
         recording: Recording,

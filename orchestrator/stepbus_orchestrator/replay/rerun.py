@@ -18,6 +18,7 @@ from stepbus_orchestrator.replay.sources import (
     version_notes,
 )
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
+from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -103,7 +104,11 @@ class Preparation:
         # The first steps of a branch can only come from its recording.
         changed = recording.steps_in(layout.BRANCH_METADATA)
         prefix = [RecordedPrefix(recording, max(changed.values()), changed)] if changed else []
-        options = Options(out=self._out, extensions=[*prefix, Calls(recorded_calls(recording))])
+        options = Options(
+            out=self._out,
+            host=Processes(is_star=bool(prefix)),
+            extensions=[*prefix, Calls(recorded_calls(recording))],
+        )
         result = run(self.scenario, options, observer, interrupt)
         now = layout.versions_of(Recording(result.recording).metadata)
         later = [

@@ -81,7 +81,6 @@ class Run:
         for extension in extensions:
             scenario = extension.adapt(scenario)
         self.key, self.token = new_token(), new_token()
-        self.is_star = any(extension.is_star for extension in extensions)
         self.state = RunState(scenario)
         self.recorder = recorder
         self.timing = timing
@@ -99,7 +98,6 @@ class Run:
         self._turns = overriding(extensions, "turn")
         self._acts = overriding(extensions, "act")
         self._completions = overriding(extensions, "completed")
-        self._releases = overriding(extensions, "released")
         self._waits = overriding(extensions, "wait_s")
         self.is_attached = self.is_timed = False
         self._completed = 0
@@ -504,8 +502,6 @@ class Run:
         released = self.state.released
         limit = step_limit(self.state.barrier, self.gates, released)
         if limit > released:
-            for begin in self._releases:
-                begin(released, limit)
             self.state.released = limit
             self.session.trigger(limit)
             self.timing.trigger(limit)
@@ -547,7 +543,7 @@ class Run:
     def progress(self) -> Progress:
         """Return how far the run is."""
         # Until the next step is due by the clock, a run is held too.
-        is_held = not self.is_timed or any(item.is_holding() for item in self.extensions)
+        is_held = not self.is_timed or self.state.is_paused
         elapsed_s = self.clock.monotonic() - (self.state.started_at or self._began)
         return progress_of(self.state, self.descriptions, elapsed_s, is_held=is_held)
 

@@ -52,9 +52,11 @@ class Options:
     extensions: Sequence[RunExtension] = ()
 
 
-def host_of(*, in_process: bool, owns_descriptors: bool = False) -> Host:
-    """Return the host of a run; owns_descriptors: as of `InProcess`."""
-    return InProcess(owns_descriptors=owns_descriptors) if in_process else Processes()
+def host_of(*, in_process: bool, owns_descriptors: bool = False, is_star: bool = False) -> Host:
+    """Return the host of a run; owns_descriptors, is_star: as of `InProcess`."""
+    if in_process:
+        return InProcess(owns_descriptors=owns_descriptors, is_star=is_star)
+    return Processes(is_star=is_star)
 
 
 def run(

@@ -65,7 +65,8 @@ class RunState:
     total computing time [ns] and number of steps. waited: participant → its total waiting time
     [ns] in these. newest: of each participant, port → its last message. started_at: when the first
     trigger was sent, by the monotonic clock [s]. replaced: those that failed and are replaced by
-    their fallback. is_repeating: whether the steps are those of a recording still. ends_from:
+    their fallback. is_repeating: whether the steps are those of a recording still. is_paused:
+    whether the user holds the run. ends_from:
     participants whose requests to end count from a step on only, with that step. away_s: how long
     no participant worked, since code of this process did something else [s]. is_check_due,
     is_release_due: whether processes, or the gates, are to be checked at once.
@@ -84,6 +85,7 @@ class RunState:
     started_at: float = 0.0
     replaced: str | None = None
     is_repeating: bool = False
+    is_paused: bool = False
     ends_from: Mapping[str, int] = field(default_factory=dict)
     away_s: float = 0.0
     is_check_due: bool = False
