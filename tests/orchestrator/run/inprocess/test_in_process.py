@@ -35,23 +35,6 @@ def test_the_recording_is_that_of_separate_processes(tmp_path, separate, window)
     assert result.sha256 == separate.sha256
 
 
-@pytest.mark.parametrize(
-    ("scenario", "settings"),
-    [
-        ("two_link", {"duration": "1s"}),
-        pytest.param("two_link/pd", {"duration": "500ms"}, marks=pytest.mark.slow),
-        pytest.param("two_link/pid", {"duration": "500ms"}, marks=pytest.mark.slow),
-    ],
-)
-def test_scenarios_that_ship_record_the_same_bytes(tmp_path, scenario, settings):
-    runs = [
-        stepbus.run(scenario, set=settings, out=tmp_path / str(alone), in_process=alone)
-        for alone in (False, True)
-    ]
-    assert [result.exit_code for result in runs] == [0, 0]
-    assert runs[0].sha256 == runs[1].sha256
-
-
 @pytest.mark.parametrize("text", ["drop controller at 20", pytest.param("corrupt plant at 20", marks=pytest.mark.slow), "duplicate mission at 20"])  # fmt: skip
 def test_faults_on_messages_end_alike(tmp_path, text):
     path = write_scenario(tmp_path / "source")
