@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 from unittest.mock import patch
 
 from stepbus_orchestrator.errors import RecordingFailed
@@ -15,7 +15,6 @@ from stepbus_orchestrator.replay.execute import replay
 from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.replay.rerun import Repeated, rerun
 from stepbus_orchestrator.run import run_scenario
-from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_schemas import StepbusError
@@ -82,6 +81,7 @@ class Again(Execution):
         return problem
 
     def _branch(self, at: int) -> str:
+        self.host.is_star = True
         return self._unlike(branch(self._recording, self.out, at=at))
 
     def replay_plant(self) -> str:
@@ -93,7 +93,7 @@ class Again(Execution):
         return self._replay("controller")
 
     def _replay(self, name: str) -> str:
-        self.host.start_order = [name]
+        self.host.start_order, self.host.is_star = [name], True
         result = replay(self._recording, name, recorded=True)
         return "" if result.equal else f"{name} is not what was recorded: {result.divergence}"
 
@@ -121,12 +121,7 @@ def _hosted(host: SimulatedHost) -> Iterator[None]:
     """Let all that runs from a recording run on a simulated host."""
 
     def run(scenario: Scenario, options: run_scenario.Options, *more: Any) -> Result:
-        host.is_star = cast("Processes", options.host).is_star
         return run_scenario.run(scenario, dataclasses.replace(options, host=host), *more)
-
-    def processes(*, is_star: bool, **_options: Any) -> SimulatedHost:
-        host.is_star = is_star
-        return host
 
     # The package has functions of the same names.
     modules = (sys.modules[item.__module__] for item in (rerun, branch, replay))
@@ -134,6 +129,6 @@ def _hosted(host: SimulatedHost) -> Iterator[None]:
     with (
         patch.object(of_rerun, "run", run),
         patch.object(of_branch, "run", run),
-        patch.object(of_replay, "Processes", processes),
+        patch.object(of_replay, "Processes", lambda **_options: host),
     ):
         yield

@@ -88,8 +88,8 @@ class SimulatedHost:
 
     orchestrator: the process that runs it. wrap: gets the name and the class of each participant,
     and returns what makes it. start_order: those that are started; empty: all, as in the scenario.
-    is_star: they are linked to the orchestrator only.
-    started: is called with each participant when it has been started.
+    is_star: they are linked to the orchestrator only. started: is called with each participant when
+    it has been started.
     """
 
     def __init__(

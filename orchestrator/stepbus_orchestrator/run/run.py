@@ -27,8 +27,8 @@ from stepbus_orchestrator.run.safe_messages import motion_at_end
 from stepbus_orchestrator.run.safe_stop import SafeStop
 from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_participant import Bus
-from stepbus_schemas import Message, Start, encode, reached
+from stepbus_participant import Bus, suggest
+from stepbus_schemas import Decoder, Message, Start, WiringError, encode, reached
 
 from .extension import Host, RunExtension, Strategy, overriding
 from .kernel.deadlines import check_bulk, check_closing, check_start, check_step
@@ -78,8 +78,6 @@ class Run:
         warn: Callable[[str, str], None] = lambda _name, _text: None,
         result: Callable[[], bytes] = bytes,
     ) -> None:
-        for extension in extensions:
-            scenario = extension.adapt(scenario)
         self.key, self.token = new_token(), new_token()
         self.state = RunState(scenario)
         self.recorder = recorder
@@ -100,6 +98,7 @@ class Run:
         self._completions = overriding(extensions, "completed")
         self._waits = overriding(extensions, "wait_s")
         self.is_attached = self.is_timed = False
+        self._decoders: dict[str, Callable[[bytes], Message]] = {}
         self._completed = 0
         self._looked_at = 0
         self._ticks = 0
@@ -527,7 +526,23 @@ class Run:
         Raises WiringError for an output that the scenario does not have, or whose messages are
         bulk, MessageError for a message that is not of its type.
         """
-        return self.state.newest_message(output)
+        name, _, port = output.partition(".")
+        if output not in self._decoders:
+            self._decoders[output] = self._decoder(output)
+        raw = self.state.newest.get(name, {}).get(port)
+        return None if raw is None else self._decoders[output](bytes(raw))
+
+    def _decoder(self, output: str) -> Callable[[bytes], Message]:
+        scenario = self.state.scenario
+        types = {
+            f"{spec.name}.{port}": described.type
+            for spec in scenario.participants
+            for port, described in spec.outputs.items()
+            if not described.bulk
+        }
+        if output not in types:
+            raise WiringError(f"no output {output!r}{suggest(output, types)}")
+        return Decoder(scenario.types[types[output]])
 
     def end(self, reason: str) -> None:
         """End the run behind the steps that are released; an extension's `completed` may ask so."""

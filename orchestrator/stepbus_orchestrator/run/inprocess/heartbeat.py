@@ -183,8 +183,11 @@ class Watcher:
         elapsed_s, self._looked_at = min(now - self._looked_at, _LONGEST_TICK_S), now
         stage, turn = self._heartbeat.stage, int(words[TURN])
         # What changes as long as the process gets on.
-        progress = (stage, words[TURNS], words[PUBLISHED + turn]) if turn else (stage, words[PULSE])
-        progress = (stage,) if stage is Stage.LEAVING else progress
+        progress: tuple[float, ...] = (stage, words[PULSE])
+        if turn:
+            progress = (stage, words[TURNS], words[PUBLISHED + turn])
+        elif stage is Stage.LEAVING:
+            progress = (stage,)
         if progress != self._progress:
             self._progress, self._interrupted, self.held_s = progress, None, 0.0
             return False

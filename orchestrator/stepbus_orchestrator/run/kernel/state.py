@@ -1,6 +1,6 @@
 """The state of a run: its phase, how far it is, when it ends, who takes part."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -10,8 +10,7 @@ from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_orchestrator.run.kernel.barrier import FAR, Barrier
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
 from stepbus_orchestrator.scenario.model import Scenario, low_latency
-from stepbus_participant import suggest
-from stepbus_schemas import Decoder, Message, WiringError, due_step
+from stepbus_schemas import due_step
 
 _Failure = TypeVar("_Failure", bound=RunFailure)
 
@@ -93,7 +92,6 @@ class RunState:
 
     def __post_init__(self) -> None:
         self.barrier = Barrier(self.scenario)
-        self._decoders: dict[str, Callable[[bytes], Message]] = {}
 
     def enter(self, phase: RunPhase) -> None:
         """Enter a phase."""
@@ -214,25 +212,3 @@ class RunState:
                 "here, of which the low-latency transport loses those over 64 KiB; set "
                 "bus.low_latency: false"
             )
-
-    def newest_message(self, output: str) -> Message | None:
-        """Return the newest message of an output, such as `plant.joint_state`; None before one.
-
-        As `Run.newest`.
-        """
-        name, _, port = output.partition(".")
-        if output not in self._decoders:
-            self._decoders[output] = self._decoder(output)
-        raw = self.newest.get(name, {}).get(port)
-        return None if raw is None else self._decoders[output](bytes(raw))
-
-    def _decoder(self, output: str) -> Callable[[bytes], Message]:
-        types = {
-            f"{spec.name}.{port}": described.type
-            for spec in self.scenario.participants
-            for port, described in spec.outputs.items()
-            if not described.bulk
-        }
-        if output not in types:
-            raise WiringError(f"no output {output!r}{suggest(output, types)}")
-        return Decoder(self.scenario.types[types[output]])
