@@ -2,10 +2,9 @@
 
 A participant that keeps Python's lock in C stops every thread of its process. So each turn is
 noted in shared memory, which takes some writes, and a watcher reads it. Where the command hosts
-participants, its parent watches; elsewhere, a child of the process that does. It needs nothing but
-the standard library, so that it is there as soon as the run is:
-
-    python heartbeat.py DESCRIPTOR PID
+participants, its parent watches (`cli/supervisor.py`); elsewhere, a child of the process that does
+(`watch_parent.py`). Nothing but the standard library is needed here, so that it is there as soon as
+the run is.
 """
 
 import contextlib
@@ -16,15 +15,11 @@ import mmap
 import os
 import select
 import signal
-import sys
 import time
 from collections.abc import Callable
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
-
-if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parents[3]))
 
 from stepbus_orchestrator.processes.activity import activity_of
 
@@ -231,21 +226,3 @@ class Watcher:
                 if line.startswith("voluntary_ctxt_switches"):
                     return int(line.split()[1])
         return 0
-
-
-def _watch_parent(heartbeat: Heartbeat, pid: int) -> None:
-    """Watch our parent, which is not ours alone, until it ends us."""
-    watcher = Watcher(heartbeat, pid, is_owner=False)
-    if watcher.await_end():
-        sys.path[:] = heartbeat.will()["path"]
-        from stepbus_orchestrator.run.inprocess.post_mortem import conclude  # noqa: PLC0415
-
-        sys.stderr.write(conclude(heartbeat, pid, killer=watcher)[1])
-
-
-if __name__ == "__main__":
-    for _number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(_number, signal.SIG_IGN)
-    # Another process may remove the folder in which it was started.
-    os.chdir("/")
-    _watch_parent(Heartbeat(int(sys.argv[1])), int(sys.argv[2]))

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 
-from stepbus_orchestrator.run.inprocess import heartbeat
+from stepbus_orchestrator.run.inprocess import heartbeat, watch_parent
 from stepbus_orchestrator.run.inprocess.heartbeat import LATE, TRACE_SIGNAL, Heartbeat, Stage
 from stepbus_orchestrator.run.inprocess.hub import Hub, Late
 
@@ -73,7 +73,7 @@ def _watched_memory() -> Iterator[Heartbeat]:
         yield heartbeat.own
         return
     memory, owner = Heartbeat(), os.getpid()
-    command = [sys.executable, "-I", "-S", heartbeat.__file__, "3", str(owner)]
+    command = [sys.executable, "-I", "-S", watch_parent.__file__, "3", str(owner)]
     actions = [
         (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
         (os.POSIX_SPAWN_DUP2, memory.file, 3),
