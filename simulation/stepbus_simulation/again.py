@@ -81,6 +81,7 @@ class Again(Execution):
         return problem
 
     def _branch(self, at: int) -> str:
+        self.host.is_star = True
         return self._unlike(branch(self._recording, self.out, at=at))
 
     def replay_plant(self) -> str:
@@ -92,7 +93,7 @@ class Again(Execution):
         return self._replay("controller")
 
     def _replay(self, name: str) -> str:
-        self.host.start_order = [name]
+        self.host.start_order, self.host.is_star = [name], True
         result = replay(self._recording, name, recorded=True)
         return "" if result.equal else f"{name} is not what was recorded: {result.divergence}"
 

@@ -88,7 +88,8 @@ class SimulatedHost:
 
     orchestrator: the process that runs it. wrap: gets the name and the class of each participant,
     and returns what makes it. start_order: those that are started; empty: all, as in the scenario.
-    started: is called with each participant when it has been started.
+    is_star: they are linked to the orchestrator only. started: is called with each participant when
+    it has been started.
     """
 
     def __init__(
@@ -107,6 +108,7 @@ class SimulatedHost:
         self.lies: dict[str, int] = {}
         self.linger_ns: dict[str, int] = {}
         self.start_order: list[str] = []
+        self.is_star = False
         self.participants: dict[str, SimulatedParticipant] = {}
         self.started: Callable[[str], None] = lambda _name: None
 
@@ -165,7 +167,7 @@ class _Launch(Strategy):
         host, name = self._host, ticket.name
 
         def work() -> int:
-            node = Node(host.network, process, is_leaf=self._run.state.is_repeating)
+            node = Node(host.network, process, is_leaf=self._host.is_star)
             HOST.set(Host(ticket, node))
             try:
                 code = main(host.wrap(name, factory))

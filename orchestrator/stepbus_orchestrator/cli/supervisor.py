@@ -7,23 +7,23 @@ participant in a process of its own would have caused, and leaves no process beh
 import contextlib
 import ctypes
 import os
-import select
 import signal
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from stepbus_orchestrator.processes.activity import children
-from stepbus_orchestrator.run.inprocess import turns
-from stepbus_orchestrator.run.inprocess.turn_watchdog import TICK_S, TurnWatchdog
-from stepbus_orchestrator.run.inprocess.turns import (
+from stepbus_orchestrator.run.inprocess import heartbeat
+from stepbus_orchestrator.run.inprocess.heartbeat import (
     CODE,
     INTERRUPTED,
     PULSE,
+    TICK_S,
     TURN,
+    Heartbeat,
     Stage,
-    Turns,
+    Watcher,
 )
 
 from .interrupts import SIGNALS
@@ -50,12 +50,12 @@ def adopt() -> bool:
     if os.getppid() != int(parent):
         os._exit(1)
     os.set_inheritable(int(file), False)
-    turns.own = Turns(int(file))
-    threading.Thread(target=_beat, args=(turns.own,), name="pulse", daemon=True).start()
+    heartbeat.own = Heartbeat(int(file))
+    threading.Thread(target=_beat, args=(heartbeat.own,), name="pulse", daemon=True).start()
     return True
 
 
-def _beat(memory: Turns) -> None:
+def _beat(memory: Heartbeat) -> None:
     """Show that Python's lock is to be had, for as long as this process lives."""
     while True:
         memory.words[PULSE] += 1
@@ -64,8 +64,8 @@ def _beat(memory: Turns) -> None:
 
 def settle(code: int) -> None:
     """Tell the parent that nothing is left to do, but to end with this code."""
-    if turns.own is not None:
-        turns.own.enter(Stage.LEAVING, code)
+    if heartbeat.own is not None:
+        heartbeat.own.enter(Stage.LEAVING, code)
 
 
 def supervise(environment: Mapping[str, str]) -> int:
@@ -75,7 +75,7 @@ def supervise(environment: Mapping[str, str]) -> int:
     signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)
     try:
-        memory = Turns(turns.make_file())
+        memory = Heartbeat()
         os.set_inheritable(memory.file, True)
         pid = os.posix_spawn(
             sys.executable,
@@ -89,25 +89,18 @@ def supervise(environment: Mapping[str, str]) -> int:
             f"stepbus: cannot start a helper process: {exc.strerror} (ulimit -u, ulimit -f)\n"
         )
         return _INTERNAL
-    watchdog = TurnWatchdog(memory, pid, is_owner=True)
-    code, is_killed = None, False
-    end = os.pidfd_open(pid)
-    while code is None:
-        select.select([end], [], [], TICK_S)
-        # With a time to wait, CPython returns rubbish where it is interrupted as that time ends.
-        _pass_on(signal.sigtimedwait(signals, 0), memory, pid)
-        code = _reap(pid)
-        if code is None and not is_killed and watchdog.is_late():
-            is_killed = True
-            os.kill(pid, signal.SIGKILL)
-    os.close(end)
+    watcher = Watcher(memory, pid, is_owner=True)
+    is_killed = watcher.await_end(meanwhile=lambda: _pass_on(signals, memory, pid))
+    code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     _end_orphans()
     # From here on, Ctrl-C ends it at once.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
-    return _concluded(memory, pid, code, watchdog if is_killed else None)
+    return _concluded(memory, pid, code, watcher if is_killed else None)
 
 
-def _pass_on(info: signal.struct_siginfo | None, memory: Turns, pid: int) -> None:
+def _pass_on(signals: Iterable[int], memory: Heartbeat, pid: int) -> None:
+    # With a time to wait, CPython returns rubbish where it is interrupted as that time ends.
+    info = signal.sigtimedwait(signals, 0)
     if info is None:
         return
     memory.words[INTERRUPTED] = 1
@@ -115,21 +108,13 @@ def _pass_on(info: signal.struct_siginfo | None, memory: Turns, pid: int) -> Non
         os.kill(pid, info.si_signo)
 
 
-def _reap(child: int = 0) -> int | None:
-    """Take the exit codes of all that has ended, what others have left to us too; return one."""
-    code = None
-    with contextlib.suppress(ChildProcessError):
-        while (ended := os.waitpid(-1, os.WNOHANG))[0]:
-            if ended[0] == child:
-                code = os.waitstatus_to_exitcode(ended[1])
-    return code
-
-
 def _end_orphans() -> None:
     """Kill what is left in our session; a process that has made its own means to stay."""
     give_up = time.monotonic() + _ORPHANS_S
     while time.monotonic() < give_up:
-        _reap()
+        with contextlib.suppress(ChildProcessError):
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                pass
         pids = [pid for pid in children(os.getpid()) if os.getsid(pid) == os.getsid(0)]
         if not pids:
             return
@@ -138,18 +123,16 @@ def _end_orphans() -> None:
         time.sleep(_PAUSE_S)
 
 
-def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) -> int:
-    """Return the exit code of the command. killer: the watchdog that killed our late child."""
-    stage, turn = memory.stage, int(memory.words[TURN])
-    if killer is not None and stage is Stage.LEAVING and memory.words[CODE]:
+def _concluded(memory: Heartbeat, pid: int, code: int, killer: Watcher | None) -> int:
+    """Return the exit code of the command. killer: has killed our late child."""
+    if killer is not None and memory.stage is Stage.LEAVING and memory.words[CODE]:
         return int(memory.words[CODE])
-    if killer is not None or (stage.is_run and turn):
+    if killer is not None or (memory.stage.is_run and memory.words[TURN]):
         from stepbus_orchestrator.run.inprocess import post_mortem  # noqa: PLC0415
 
         from .terminal.output import write  # noqa: PLC0415
 
-        kept = None if killer is None else killer.kept
-        code, text = post_mortem.conclude(memory, pid, kept=kept, code=code)
+        code, text = post_mortem.conclude(memory, pid, killer=killer, code=code)
         write(sys.stderr, text)
         return code
     if code < 0:

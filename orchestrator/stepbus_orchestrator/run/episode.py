@@ -63,7 +63,7 @@ class Episode(RunExtension):
         self._make = make
         self._options = Options(
             out=out,
-            host=InProcess(has_caller=True),
+            host=InProcess(instead="an environment runs in one process"),
             is_recorded=is_recorded,
             extensions=[self, Debug(no_deadline=[name])],
         )

@@ -45,8 +45,8 @@ class Strategy:
 class RunView(Protocol):
     """What an extension, and a host, may use of a run.
 
-    key, token: its key space on the bus, and its secret. state: how far it is; its scenario is that
-    of the participants. session: its end of the bus. strategy: how it gets its
+    key, token: its key space on the bus, and its secret. state: how far it is; its scenario is
+    that of the participants. session: its end of the bus. strategy: how it gets its
     participants. recorder: gets the outputs. timing: gets what the clock shows. out: folder of the
     run. observer: is notified of progress. interrupt: ends the run when it is set. messages: takes
     what participants send. gates: hold steps. descriptions: of all outputs, from the end of the
@@ -178,19 +178,12 @@ class RunExtension:
         """
         return FAR
 
-    def released(self, first: int, limit: int) -> None:
-        """React to the begin of the steps from `first` to below `limit`."""
-
     def wait_s(self, released: int, longest_s: float) -> float | None:
         """Return how long to wait for messages, at most until the next step is due [s].
 
         longest_s: wait when no step is due. None: the clock holds no step.
         """
         return None
-
-    def is_holding(self) -> bool:
-        """Return whether the run is held until the user resumes it."""
-        return False
 
     # --- at its end -----------------------------------------------------------------------
 

@@ -26,8 +26,7 @@ class Processes:
     """Starts a process for each participant, and links them over Zenoh.
 
     start_order: names of the participants that are started, in this order; default: all, as in the
-    scenario. is_star: participants are linked to the orchestrator only, whose extension passes on
-    what they publish.
+    scenario. is_star: they are linked to the orchestrator only, which passes on what they publish.
     """
 
     clock: ClassVar[Clock] = time
@@ -110,25 +109,26 @@ class InProcess:
     """Has all participants in this process.
 
     owns_descriptors: descriptors 1 and 2 are the run's alone, and what libraries in C print goes to
-    a log. has_caller: our caller makes the steps.
+    a log. is_star: as of `Processes`. instead: what the user can do where it is refused.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     owns_descriptors: bool = False
-    has_caller: bool = False
+    is_star: bool = False
+    instead: str = "omit --in-process"
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""
         from stepbus_orchestrator.run.inprocess.local_run import check_scenario  # noqa: PLC0415
 
-        check_scenario(scenario, has_caller=self.has_caller)
+        check_scenario(scenario, self.instead)
 
     @contextlib.contextmanager
     def open(self, run: RunView) -> Iterator[tuple[Bus, Strategy]]:
         """Put the process in order for participants, and back at the end."""
         from stepbus_orchestrator.run.inprocess.local_run import LocalRun  # noqa: PLC0415
 
-        local = LocalRun(run, self.clock)
+        local = LocalRun(run, self.clock, is_star=self.is_star)
         with local.opened(owns_descriptors=self.owns_descriptors):
             yield local.bus, local

@@ -5,19 +5,16 @@ import hashlib
 import os
 import platform
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.run.kernel.participants import ParticipantState
-from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.run.reports import Events, Lateness, Warned
-from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.run.reports import Lateness, Warned
 from stepbus_participant import Disk, installed_version, read_file, write_file
 from stepbus_participant.parameters import is_name
 from stepbus_schemas import UNDECODABLE
@@ -146,67 +143,6 @@ def result_beside(recording: "Recording") -> Result | None:
     # The name of its participant is that of a log file too.
     is_named = not result.participant or is_name(result.participant)
     return result if is_named and len(hashes) < 2 else None
-
-
-def result_of(
-    scenario: Scenario,
-    ending: str | RunFailure,
-    *,
-    state: RunState | None,
-    began: float,
-    ended: float,
-    folder: Path,
-    messages_sha256: str,
-    events: Events,
-    fields: Mapping[str, Any],
-) -> Result:
-    """Return the result of a run, or what it would be were the run over now.
-
-    ending: why it ended, or what it failed from. state: None where it failed before it was linked.
-    began, ended: when it was asked for, and stopped, by the monotonic clock [s]. fields: those of
-    its extensions.
-    """
-    failure = ending if isinstance(ending, RunFailure) else None
-    steps = state.steps if state else 0
-    started = state.started_at if state else 0.0
-    wall_s = ended - started if started else 0.0
-    participants = state.participants.values() if state else ()
-    simulated_s = steps * scenario.step_ns * 1e-9
-    return Result(
-        scenario=scenario.name,
-        outcome="finished" if failure is None else "failed",
-        exit_code=0 if failure is None else int(failure.code),
-        reason=str(ending),
-        cause=_cause(str(ending), participants, folder),
-        participant=failure.participant if failure else None,
-        at_step=failure.step if failure else steps,
-        steps=steps,
-        step_ns=scenario.step_ns,
-        seed=scenario.seed,
-        window=scenario.window,
-        transport=scenario.bus.transport,
-        start_s=started - began if started else 0.0,
-        wall_s=wall_s,
-        real_time_factor=simulated_s / wall_s if wall_s else 0.0,
-        sha256=file_sha256(folder / layout.RUN_FILE),
-        messages_sha256=messages_sha256,
-        folder=str(folder),
-        unauthenticated=state.unauthenticated if state else 0,
-        drops={item.name: sum(item.drops.values()) for item in participants},
-        warning_count=events.count,
-        warnings=events.warnings,
-        versions=own_versions(),
-        file=str(scenario.file),
-        overrides=scenario.overrides,
-        **fields,
-    )
-
-
-def _cause(reason: str, participants: Iterable[ParticipantState], folder: Path) -> str:
-    for participant in participants:
-        for part in participant.local():
-            reason = reason.replace(part, "")
-    return reason.replace(str(folder), ".")
 
 
 def file_sha256(path: Path) -> str:

@@ -25,8 +25,8 @@ from stepbus_orchestrator.run.repeats import Repeats
 from stepbus_orchestrator.run.reports import Observer, Progress, progress_of
 from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_participant import Bus
-from stepbus_schemas import Message, Start, encode, reached
+from stepbus_participant import Bus, suggest
+from stepbus_schemas import Decoder, Message, Start, WiringError, encode, reached
 
 from .extension import Host, RunExtension, Strategy, overriding
 from .kernel.deadlines import check_bulk, check_closing, check_start, check_step
@@ -76,8 +76,6 @@ class Run:
         warn: Callable[[str, str], None] = lambda _name, _text: None,
         result: Callable[[], bytes] = bytes,
     ) -> None:
-        for extension in extensions:
-            scenario = extension.adapt(scenario)
         self.key, self.token = new_token(), new_token()
         self.state = RunState(scenario)
         self.recorder = recorder
@@ -96,9 +94,9 @@ class Run:
         self._turns = overriding(extensions, "turn")
         self._acts = overriding(extensions, "act")
         self._completions = overriding(extensions, "completed")
-        self._releases = overriding(extensions, "released")
         self._waits = overriding(extensions, "wait_s")
         self.is_attached = self.is_timed = False
+        self._decoders: dict[str, Callable[[bytes], Message]] = {}
         self._completed = 0
         self._looked_at = 0
         self._ticks = 0
@@ -474,8 +472,6 @@ class Run:
         released = self.state.released
         limit = step_limit(self.state.barrier, self.gates, released)
         if limit > released:
-            for begin in self._releases:
-                begin(released, limit)
             self.state.released = limit
             self.session.trigger(limit)
             self.timing.trigger(limit)
@@ -501,7 +497,23 @@ class Run:
         Raises WiringError for an output that the scenario does not have, or whose messages are
         bulk, MessageError for a message that is not of its type.
         """
-        return self.state.newest_message(output)
+        name, _, port = output.partition(".")
+        if output not in self._decoders:
+            self._decoders[output] = self._decoder(output)
+        raw = self.state.newest.get(name, {}).get(port)
+        return None if raw is None else self._decoders[output](bytes(raw))
+
+    def _decoder(self, output: str) -> Callable[[bytes], Message]:
+        scenario = self.state.scenario
+        types = {
+            f"{spec.name}.{port}": described.type
+            for spec in scenario.participants
+            for port, described in spec.outputs.items()
+            if not described.bulk
+        }
+        if output not in types:
+            raise WiringError(f"no output {output!r}{suggest(output, types)}")
+        return Decoder(scenario.types[types[output]])
 
     def end(self, reason: str) -> None:
         """End the run behind the steps that are released; an extension's `completed` may ask so."""
@@ -517,7 +529,7 @@ class Run:
     def progress(self) -> Progress:
         """Return how far the run is."""
         # Until the next step is due by the clock, a run is held too.
-        is_held = not self.is_timed or any(item.is_holding() for item in self.extensions)
+        is_held = not self.is_timed or self.state.is_paused
         elapsed_s = self.clock.monotonic() - (self.state.started_at or self._began)
         return progress_of(self.state, self.descriptions, elapsed_s, is_held=is_held)
 

@@ -24,7 +24,7 @@ from stepbus_orchestrator.run.folder import (
 )
 from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.reports import Events, Observer
-from stepbus_orchestrator.run.result import Result, own_versions, result_of
+from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.fault_texts import format_fault
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
@@ -53,9 +53,9 @@ class Options:
 
 
 def host_of(*, in_process: bool, owns_descriptors: bool = False, is_star: bool = False) -> Host:
-    """Return the host of a run; owns_descriptors: as of `InProcess`, is_star: as of `Processes`."""
+    """Return the host of a run; owns_descriptors, is_star: as of `InProcess`."""
     if in_process:
-        return InProcess(owns_descriptors=owns_descriptors)
+        return InProcess(owns_descriptors=owns_descriptors, is_star=is_star)
     return Processes(is_star=is_star)
 
 
@@ -81,10 +81,12 @@ def run(
     check_installed(scenario)
     check_limits(len(scenario.participants))
     options.host.check(scenario)
+    adapted = scenario
+    for extension in extensions:
+        adapted = extension.adapt(adapted)
     options = dataclasses.replace(options, extensions=extensions)
     claim(options.out)
-    interrupt = interrupt or threading.Event()
-    return _Execution(scenario, options, observer or Observer(), interrupt).execute()
+    return _Execution(scenario, adapted, options, observer or Observer(), interrupt).execute()
 
 
 _SHARED = (
@@ -94,19 +96,25 @@ _SHARED = (
 
 
 class _Execution:
-    """Opens the files and the host of one run, and closes them whatever happens."""
+    """Opens the files of one run, and closes them whatever happens.
+
+    adapted: the scenario as its participants get it.
+    """
 
     def __init__(
-        self, scenario: Scenario, options: Options, observer: Observer, interrupt: threading.Event
+        self,
+        scenario: Scenario,
+        adapted: Scenario,
+        options: Options,
+        observer: Observer,
+        interrupt: threading.Event | None,
     ) -> None:
         host = options.host
         self._began = host.clock.monotonic()
         self._scenario = scenario
         self._options = options
         self._observer = observer
-        self._interrupt = interrupt
         self._events = Events(observer)
-        self._run: Run | None = None
         # A run in one process works in the scenario's folder.
         self._out = options.out.resolve()
         self._file: McapFile | None = None
@@ -123,6 +131,17 @@ class _Execution:
         if is_shared(self._out):
             text = _SHARED.format(folder=options.out)
             self._events.add_warning("orchestrator", text)
+        self._run = Run(
+            adapted,
+            self._recorder,
+            self._timing,
+            out=self._out,
+            observer=observer,
+            interrupt=interrupt,
+            extensions=options.extensions,
+            warn=self._events.add_warning,
+            result=lambda: msgspec.json.encode(self._result("")),
+        )
 
     def execute(self) -> Result:
         """Run, and return the result."""
@@ -130,7 +149,7 @@ class _Execution:
         try:
             if self._file is not None:
                 self._describe(self._file)
-            reason = self._take_place()
+            reason = self._run.take_place(self._options.host)
             if self._file is not None:
                 for what in self._scenario.left_out:
                     self._events.add_warning("recording", f"a rerun does not find {what}")
@@ -145,7 +164,7 @@ class _Execution:
         finally:
             ending = self._close(reason, failure)
         self._add_logged()
-        if self._run is not None and not isinstance(ending, RunFailure):
+        if not isinstance(ending, RunFailure):
             self._events.add_silent(self._scenario, self._recorder.silent, self._run.state.steps)
         result = self._result(ending)
         if self._options.is_recorded:
@@ -169,28 +188,13 @@ class _Execution:
         if rows := {f"{number:04}": text for number, text in faults}:
             file.add_metadata(layout.FAULTS_METADATA, rows)
 
-    def _take_place(self) -> str:
-        """Go through the phases on the host, and return why the run ended."""
-        run = self._run = Run(
-            self._scenario,
-            self._recorder,
-            self._timing,
-            out=self._out,
-            observer=self._observer,
-            interrupt=self._interrupt,
-            extensions=self._options.extensions,
-            warn=self._events.add_warning,
-            result=lambda: msgspec.json.encode(self._result("")),
-        )
-        return run.take_place(self._options.host)
-
     def _close(self, reason: str, failure: RunFailure | None) -> str | RunFailure:
         """Write what has arrived of a run that failed; check the file of one that finished.
 
         Return why it ended, or what it failed from.
         """
         try:
-            if self._run is None or not self._run.is_recorded:
+            if not self._run.is_recorded:
                 self._recorder.abort()
             if failure is None and self._file is not None:
                 self._file.check()
@@ -201,20 +205,48 @@ class _Execution:
         return failure or reason
 
     def _result(self, ending: str | RunFailure) -> Result:
+        """Return the result of the run, or what it would be were the run over now.
+
+        ending: why it ended, or what it failed from.
+        """
         fields: dict[str, Any] = {}
-        is_attached = self._run is not None and self._run.is_attached
-        for extension in self._options.extensions if is_attached else ():
+        for extension in self._options.extensions if self._run.is_attached else ():
             fields |= extension.result()
-        return result_of(
-            self._scenario,
-            ending,
-            state=self._run.state if self._run else None,
-            began=self._began,
-            ended=self._run.ended_at if self._run else 0.0,
-            folder=self._options.out,
+        failure = ending if isinstance(ending, RunFailure) else None
+        scenario, state, folder = self._scenario, self._run.state, self._options.out
+        started, participants = state.started_at, state.participants.values()
+        wall_s = self._run.ended_at - started if started else 0.0
+        simulated_s = state.steps * scenario.step_ns * 1e-9
+        cause = str(ending)
+        for part in (part for one in participants for part in one.local()):
+            cause = cause.replace(part, "")
+        return Result(
+            scenario=scenario.name,
+            outcome="finished" if failure is None else "failed",
+            exit_code=0 if failure is None else int(failure.code),
+            reason=str(ending),
+            cause=cause.replace(str(folder), "."),
+            participant=failure.participant if failure else None,
+            at_step=failure.step if failure else state.steps,
+            steps=state.steps,
+            step_ns=scenario.step_ns,
+            seed=scenario.seed,
+            window=scenario.window,
+            transport=scenario.bus.transport,
+            start_s=started - self._began if started else 0.0,
+            wall_s=wall_s,
+            real_time_factor=simulated_s / wall_s if wall_s else 0.0,
+            sha256=file_sha256(folder / layout.RUN_FILE),
             messages_sha256=self._recorder.messages_sha256,
-            events=self._events,
-            fields=fields,
+            folder=str(folder),
+            unauthenticated=state.unauthenticated,
+            drops={item.name: sum(item.drops.values()) for item in participants},
+            warning_count=self._events.count,
+            warnings=self._events.warnings,
+            versions=own_versions(),
+            file=str(scenario.file),
+            overrides=scenario.overrides,
+            **fields,
         )
 
     def _save(self, result: Result) -> None:

@@ -7,12 +7,10 @@ import shutil
 import subprocess
 import sys
 import time
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, recover
@@ -27,26 +25,6 @@ from stepbus_schemas import JointState, encode
 pytestmark = pytest.mark.slow
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
-
-
-@pytest.mark.parametrize("size", ["1800k", pytest.param("2500k", marks=pytest.mark.slow)])
-def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
-    disk = small_disk(size)
-    command = [STEPBUS, "run", "two_link", "--in-process", "--set", "duration=1000s", "--no-report"]
-    done = subprocess.run(
-        [*command, "--out", disk / "run"], capture_output=True, text=True, timeout=120, check=False
-    )
-    assert done.returncode == ExitCode.RECORDING
-    assert "No space left on device" in done.stderr
-    path = disk / "run" / "run.mcap"
-    assert Recording(path).damage == ""
-    steps = {}
-    for topic, _, step, _ in messages(path):
-        steps.setdefault(topic, []).append(step)
-    assert len(steps["plant/joint_state"]) > 1000
-    assert {topic: {b - a for a, b in pairwise(own)} for topic, own in steps.items()} == {
-        topic: {64} if topic == "stepbus/chain" else {1} for topic in steps
-    }
 
 
 @pytest.mark.slow

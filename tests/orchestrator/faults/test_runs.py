@@ -112,17 +112,6 @@ def test_a_held_participant_is_replaced_by_its_last_and_then_a_safe_command(tmp_
     assert (len(commands), result.steps) == (64, 64)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("window", [pytest.param(1, marks=pytest.mark.slow), 64])
-def test_a_frozen_participant_is_held_with_the_same_result_in_every_window(tmp_path, window):
-    overrides = [*FAST, "controller.on_fault=hold", f"window={window}"]
-    hashes = {
-        run_with(tmp_path / fault.split()[0], fault, overrides=overrides).steps
-        for fault in ("freeze controller at 30", "kill controller at 30")
-    }
-    assert hashes == {100}
-
-
 def test_a_held_run_is_run_again_from_its_log_byte_for_byte(tmp_path):
     hold = "controller.on_fault={hold: 50ms, safe: {command: {mode: torque, values: [0, 1]}}}"
     result = run_with(tmp_path, "kill controller at 20", overrides=[*PATIENT, hold])

@@ -26,10 +26,6 @@ class Pace(RunExtension):
         """Return whether the run is paused, or will pause at a step."""
         return self._pausing or self._at is not None
 
-    def is_holding(self) -> bool:
-        """Return whether the run is paused."""
-        return self.paused
-
     def pause(self) -> None:
         """Pause when all released steps are complete."""
         with self._lock:
@@ -60,4 +56,5 @@ class Pace(RunExtension):
             if self._pausing:
                 self._at = released if self._at is None else max(self._at, released)
                 self._at, self._more, self._pausing = self._at + self._more, 0, False
+            self.run.state.is_paused = self._at is not None
             return FAR if self._at is None else self._at

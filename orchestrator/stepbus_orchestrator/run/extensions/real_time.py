@@ -106,29 +106,29 @@ class RealTime(Grid):
         return dataclasses.replace(scenario, window=1, batch=1)
 
     def limit(self, released: int) -> int:
-        """Return the first step whose time has not come; note who holds the next one past it."""
+        """Return the first step whose time has not come; note how late the others begin.
+
+        Raises StepTimeout where a participant was late that may not be.
+        """
         if not self._period_ns:
             self.start(self.factor, released)
         overdue_ns = self._now_ns() - self.due_ns(released)
         barrier = self.run.state.barrier
+        others = min((g(released) for g in self.run.gates if g != self.limit), default=FAR)
         if overdue_ns >= 0 and barrier.step_limit <= released:
             self._holders.update(barrier.holders())
-        elif overdue_ns >= 0 and self._others(released) <= released:
+        elif overdue_ns >= 0 and others <= released:
             # A pause or a call holds the run: the grid starts anew behind it.
             self._origin_ns += overdue_ns
-        return super().limit(released)
+        due = super().limit(released)
+        self._begin(max(released, min(due, others, barrier.step_limit)))
+        return due
 
-    def _others(self, released: int) -> int:
-        """Return the limit of all other gates."""
-        gates = (gate(released) for gate in self.run.gates if gate != self.limit)
-        return min(gates, default=FAR)
-
-    def released(self, first: int, limit: int) -> None:
-        """Record how late the steps begin.
-
-        Raises StepTimeout where a participant was late that may not be.
-        """
-        now = self._now_ns()
+    def _begin(self, limit: int) -> None:
+        """Record how late the further steps below `limit` begin."""
+        first, now = len(self._lateness_ns), self._now_ns()
+        if limit <= first:
+            return
         for step in range(first, limit):
             self._lateness_ns.append(max(0, now - self.due_ns(step)))
         late, self._holders = sorted(self._holders), set()

@@ -22,7 +22,7 @@ from greenlet import getcurrent, greenlet
 
 from stepbus_orchestrator.processes.activity import NOTHING, Activity
 from stepbus_orchestrator.processes.child import Process
-from stepbus_orchestrator.run.inprocess.turns import TURN, TURNS
+from stepbus_orchestrator.run.inprocess.heartbeat import TURN, TURNS
 from stepbus_participant import HOST, Bus, Clock, Host, Ticket, append_to
 
 _IDLE_S = 0.01

@@ -15,9 +15,9 @@ import msgspec
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.run.extension import RunView, Strategy
 from stepbus_orchestrator.run.folder import LOGS_FOLDER
+from stepbus_orchestrator.run.inprocess.heartbeat import MOST, PUBLISHED, STAGE, Heartbeat, Stage
 from stepbus_orchestrator.run.inprocess.hub import HostedParticipant, Hub
 from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
-from stepbus_orchestrator.run.inprocess.turns import MOST, PUBLISHED, STAGE, Stage, Turns
 from stepbus_orchestrator.run.inprocess.watch import watched
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
@@ -39,32 +39,27 @@ _decode_batch = msgspec.msgpack.Decoder(Batch).decode
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def check_scenario(scenario: Scenario, *, has_caller: bool = False) -> None:
+def check_scenario(scenario: Scenario, instead: str = "omit --in-process") -> None:
     """Raise WiringError for a scenario that cannot run in one process, with every reason.
 
-    has_caller: whether it is an environment, which cannot run otherwise.
+    instead: what the user can do, or why nothing.
     """
-    leave_out = "omit --in-process"
-    if has_caller:
-        leave_out = "an environment runs in one process"
     if threading.current_thread() is not threading.main_thread():
         # Signals, which interrupt a late participant, are handled there only.
-        raise WiringError(
-            f"a run in one process takes the main thread of your program; {leave_out}"
-        )
+        raise WiringError(f"a run in one process takes the main thread of your program; {instead}")
     external = [spec.name for spec in scenario.participants if spec.is_external]
     if external:
         raise WiringError(
-            f"{', '.join(external)}: an external participant needs its own process; {leave_out}"
+            f"{', '.join(external)}: an external participant needs its own process; {instead}"
         )
     faults = faults_of(scenario.faults, PROCESS_FAULTS)
     if faults:
         texts = ", ".join(f"'{format_fault(fault)}'" for fault in faults)
-        raise WiringError(f"{texts}: a process fault needs a separate process; {leave_out}")
+        raise WiringError(f"{texts}: a process fault needs a separate process; {instead}")
     problems = [
         (
             f"participants.{spec.name}: `{' '.join(spec.exec)}` is a separate program; "
-            f"{_remedy(spec)}{leave_out}"
+            f"{_remedy(spec)}{instead}"
         )
         for spec in scenario.participants
         if not spec.participant
@@ -85,10 +80,10 @@ def _remedy(spec: ParticipantSpec) -> str:
 class LocalRun(Strategy):
     """Hosts all participants in this process; none is played.
 
-    bus: the orchestrator's, whose network the participants join.
+    bus: the orchestrator's, whose network the participants join. is_star: as of `Processes`.
     """
 
-    def __init__(self, run: RunView, clock: Clock) -> None:
+    def __init__(self, run: RunView, clock: Clock, *, is_star: bool) -> None:
         self.hub = Hub(clock)
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
@@ -98,8 +93,9 @@ class LocalRun(Strategy):
         files = [spec.participant.rpartition(":")[0] for spec in specs]
         files = [file for file in files if file.endswith(".py")]
         self.surroundings = Surroundings(folder, files)
-        self.memory: Turns
+        self.memory: Heartbeat
         self._run = run
+        self._is_star = is_star
         self._pid = os.getpid()
         self._handlers: dict[int, Any] = {}
 
@@ -202,7 +198,7 @@ class LocalRun(Strategy):
             return HostedParticipant(
                 self.hub,
                 ticket,
-                LoopbackBus(self.bus, self.hub.queue, is_leaf=self._run.state.is_repeating),
+                LoopbackBus(self.bus, self.hub.queue, is_leaf=self._is_star),
                 self.logs / f"{spec.name}.log",
                 program,
                 words=self.memory.words,

@@ -11,13 +11,13 @@ import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording.recover import recover
-from stepbus_orchestrator.run.inprocess.turns import (
+from stepbus_orchestrator.run.inprocess.heartbeat import (
     INTERRUPTED,
     PUBLISHED,
     TURN,
-    Kept,
+    Heartbeat,
     Stage,
-    Turns,
+    Watcher,
 )
 from stepbus_orchestrator.run.kernel.state import at
 from stepbus_orchestrator.run.result import RESULT_FILE, Result, file_sha256
@@ -30,16 +30,18 @@ _LIBRARY = re.compile(r"/lib/python|/stepbus_orchestrator/")
 _FRAME = re.compile(r'^  File "(.+)", line (\d+) in (.+)$', re.MULTILINE)
 
 
-def conclude(turns: Turns, pid: int, *, kept: Kept | None = None, code: int = 0) -> tuple[int, str]:
+def conclude(
+    heartbeat: Heartbeat, pid: int, *, killer: Watcher | None = None, code: int = 0
+) -> tuple[int, str]:
     """Write what a process cannot that has ended in the midst of a run.
 
-    kept: how long, where it was killed; None: it has ended by itself, with `code`. Return the
-    exit code of the run, and what to print on stderr.
+    killer: has killed it; None: it has ended by itself, with `code`. Return the exit code of the
+    run, and what to print on stderr.
     """
-    will = turns.will()
+    will = heartbeat.will()
     if not will:
         return ExitCode.INTERNAL, "stepbus: the process did not end, and was killed\n"
-    end = _End(turns, will, pid, kept, code)
+    end = _End(heartbeat, will, pid, killer, code)
     result = _result(will, is_over=end.is_over)
     lines = [end.trace] if end.trace else []
     if not result.exit_code:
@@ -66,30 +68,35 @@ class _End:
     """
 
     def __init__(
-        self, turns: Turns, will: dict[str, Any], pid: int, kept: Kept | None, code: int
+        self,
+        heartbeat: Heartbeat,
+        will: dict[str, Any],
+        pid: int,
+        killer: Watcher | None,
+        code: int,
     ) -> None:
         self._will = will
         self._pid = pid
-        self._kept = kept
+        self._killer = killer
         self._code = code
-        self._turn = int(turns.words[TURN])
-        self._is_interrupted = bool(turns.words[INTERRUPTED])
-        self.trace = turns.trace()
+        self._turn = int(heartbeat.words[TURN])
+        self._is_interrupted = bool(heartbeat.words[INTERRUPTED])
+        self.trace = heartbeat.trace()
         others, _, current = self.trace.rpartition("Current thread")
         self._current, _, more = current.partition("\n\n")
         self._others = others + more
-        self.is_over = turns.stage >= Stage.OVER
-        self.phase = turns.stage - Stage.READY
+        self.is_over = heartbeat.stage >= Stage.OVER
+        self.phase = heartbeat.stage - Stage.READY
         number = self._number
         self.name = will["names"][number - 1] if number else None
         self.step = -1
-        if number and turns.stage is not Stage.READY:
-            self.step = int(turns.words[PUBLISHED + number]) * will["every"][number - 1]
+        if number and heartbeat.stage is not Stage.READY:
+            self.step = int(heartbeat.words[PUBLISHED + number]) * will["every"][number - 1]
 
     @cached_property
     def _number(self) -> int:
         """Return the culprit's number; in no turn of its own, by the only file in a traceback."""
-        is_other = not self._turn or (self._kept is not None and self._kept.is_waiting)
+        is_other = not self._turn or (self._killer is not None and self._killer.is_waiting)
         for trace in (self._others, self._current) if is_other else ():
             files = self._will["files"]
             seen = {file for file, _, _ in _FRAME.findall(trace) if files.count(file) == 1}
@@ -101,7 +108,7 @@ class _End:
     def exit_code(self) -> ExitCode:
         if self.is_over:
             return ExitCode.STOP_TIMEOUT
-        if self._kept is None:
+        if self._killer is None:
             return _DIED[self.phase]
         return ExitCode.INTERRUPTED if self._is_interrupted else _LATE[self.phase]
 
@@ -113,9 +120,9 @@ class _End:
                 f"process alive{self._where()}; it was killed; the recording is complete"
             )
         when = at(self.step, step_ns)
-        if self._kept is not None:
+        if self._killer is not None:
             when = f"interrupted by the user; {when}" if self._is_interrupted else when
-            what = self._late(self._kept)
+            what = self._late(self._killer)
         elif self._code < 0:
             number = signal.Signals(-self._code).name
             what = f"had its turn when {number} killed the process that all participants share"
@@ -124,17 +131,19 @@ class _End:
         log = f"; its log: {self._will['logs']}/{self.name}.log" if self.name else ""
         return f"{when}: {who} {what}{log}"
 
-    def _late(self, kept: Kept) -> str:
-        if kept.is_stopped:
+    def _late(self, killer: Watcher) -> str:
+        if killer.is_stopped:
             return (
                 f"had its turn while the process that all participants share was stopped by a "
-                f"signal or a debugger, for {kept.held_s:.1f} s, and then killed"
+                f"signal or a debugger, for {killer.held_s:.1f} s, and then killed"
             )
         if not self._number or self._number != self._turn:
-            return f"has a thread that held the GIL for {kept.held_s:.1f} s: the process was killed"
+            return (
+                f"has a thread that held the GIL for {killer.held_s:.1f} s: the process was killed"
+            )
         limit_s = self._will["limits"][self._number - 1][self.phase]
         return (
-            f"has been computing for {kept.held_s:.1f} s{self._where()}, and could not be "
+            f"has been computing for {killer.held_s:.1f} s{self._where()}, and could not be "
             f"interrupted: the process that it shares was killed; deadline {limit_s:g} s "
             f"(participants.{self.name}.{_DEADLINES[self.phase]})"
         )

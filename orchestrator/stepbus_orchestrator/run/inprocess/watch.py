@@ -2,7 +2,7 @@
 
 A process outside of this one keeps the deadlines, since a participant that does not come back may
 keep Python's lock. It sends a signal, whose handler names the line of code and raises there; where
-that is of no use, it ends this process, see `turn_watchdog.py`.
+that is of no use, it ends this process, see `heartbeat.py`.
 """
 
 import contextlib
@@ -14,17 +14,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 
-from stepbus_orchestrator.run.inprocess import turn_watchdog, turns
+from stepbus_orchestrator.run.inprocess import heartbeat, watch_parent
+from stepbus_orchestrator.run.inprocess.heartbeat import LATE, TRACE_SIGNAL, Heartbeat, Stage
 from stepbus_orchestrator.run.inprocess.hub import Hub, Late
-from stepbus_orchestrator.run.inprocess.turn_watchdog import TRACE_SIGNAL
-from stepbus_orchestrator.run.inprocess.turns import LATE, Stage, Turns, make_file
 
-_handling: list[tuple[Hub, Turns]] = []
+_handling: list[tuple[Hub, Heartbeat]] = []
 """Of the runs that go on; the first installs the handler, the last removes it."""
 
 
 @contextlib.contextmanager
-def watched(hub: Hub) -> Iterator[Turns]:
+def watched(hub: Hub) -> Iterator[Heartbeat]:
     """Watch the participants of a run, and yield the memory that shows who has the thread.
 
     Another process watches it: our parent, or else a child.
@@ -37,7 +36,7 @@ def watched(hub: Hub) -> Iterator[Turns]:
 
 
 @contextlib.contextmanager
-def _handled(hub: Hub, memory: Turns) -> Iterator[None]:
+def _handled(hub: Hub, memory: Heartbeat) -> Iterator[None]:
     """Handle the signal, also in C: the outside watcher has the tracebacks then."""
     faulthandler.unregister(TRACE_SIGNAL)
     if not _handling:
@@ -45,13 +44,13 @@ def _handled(hub: Hub, memory: Turns) -> Iterator[None]:
     row = (hub, memory)
     _handling.append(row)
     # Written in C, by whichever thread gets the signal, whichever keeps the lock.
-    faulthandler.register(TRACE_SIGNAL, memory.trace_file(), all_threads=True, chain=True)
+    faulthandler.register(TRACE_SIGNAL, memory.file, all_threads=True, chain=True)
     try:
         yield
     finally:
         _handling.remove(row)
         # A process that is the run's alone is watched to its end.
-        if turns.own is None:
+        if heartbeat.own is None:
             faulthandler.unregister(TRACE_SIGNAL)
             if not _handling:
                 signal.signal(TRACE_SIGNAL, signal.SIG_DFL)
@@ -68,13 +67,13 @@ def _raise_late(_number: int, frame: FrameType | None) -> None:
 
 
 @contextlib.contextmanager
-def _watched_memory() -> Iterator[Turns]:
+def _watched_memory() -> Iterator[Heartbeat]:
     """Yield a memory that another process watches: our parent, or else a child."""
-    if turns.own is not None:
-        yield turns.own
+    if heartbeat.own is not None:
+        yield heartbeat.own
         return
-    memory, owner = Turns(make_file()), os.getpid()
-    command = [sys.executable, "-I", "-S", turn_watchdog.__file__, "3", str(owner)]
+    memory, owner = Heartbeat(), os.getpid()
+    command = [sys.executable, "-I", "-S", watch_parent.__file__, "3", str(owner)]
     actions = [
         (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
         (os.POSIX_SPAWN_DUP2, memory.file, 3),

@@ -1,6 +1,6 @@
 """The state of a run: its phase, how far it is, when it ends, who takes part."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -10,8 +10,7 @@ from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_orchestrator.run.kernel.barrier import FAR, Barrier
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
 from stepbus_orchestrator.scenario.model import Scenario, low_latency
-from stepbus_participant import suggest
-from stepbus_schemas import Decoder, Message, WiringError, due_step
+from stepbus_schemas import due_step
 
 _Failure = TypeVar("_Failure", bound=RunFailure)
 
@@ -65,7 +64,8 @@ class RunState:
     total computing time [ns] and number of steps. waited: participant → its total waiting time
     [ns] in these. newest: of each participant, port → its last message. started_at: when the first
     trigger was sent, by the monotonic clock [s]. replaced: those that failed and are replaced by
-    their fallback. is_repeating: whether the steps are those of a recording still. ends_from:
+    their fallback. is_repeating: whether the steps are those of a recording still. is_paused:
+    whether the user holds the run. ends_from:
     participants whose requests to end count from a step on only, with that step. away_s: how long
     no participant worked, since code of this process did something else [s]. is_check_due,
     is_release_due: whether processes, or the gates, are to be checked at once.
@@ -84,6 +84,7 @@ class RunState:
     started_at: float = 0.0
     replaced: str | None = None
     is_repeating: bool = False
+    is_paused: bool = False
     ends_from: Mapping[str, int] = field(default_factory=dict)
     away_s: float = 0.0
     is_check_due: bool = False
@@ -91,7 +92,6 @@ class RunState:
 
     def __post_init__(self) -> None:
         self.barrier = Barrier(self.scenario)
-        self._decoders: dict[str, Callable[[bytes], Message]] = {}
 
     def enter(self, phase: RunPhase) -> None:
         """Enter a phase."""
@@ -212,25 +212,3 @@ class RunState:
                 "here, of which the low-latency transport loses those over 64 KiB; set "
                 "bus.low_latency: false"
             )
-
-    def newest_message(self, output: str) -> Message | None:
-        """Return the newest message of an output, such as `plant.joint_state`; None before one.
-
-        As `Run.newest`.
-        """
-        name, _, port = output.partition(".")
-        if output not in self._decoders:
-            self._decoders[output] = self._decoder(output)
-        raw = self.newest.get(name, {}).get(port)
-        return None if raw is None else self._decoders[output](bytes(raw))
-
-    def _decoder(self, output: str) -> Callable[[bytes], Message]:
-        types = {
-            f"{spec.name}.{port}": described.type
-            for spec in self.scenario.participants
-            for port, described in spec.outputs.items()
-            if not described.bulk
-        }
-        if output not in types:
-            raise WiringError(f"no output {output!r}{suggest(output, types)}")
-        return Decoder(self.scenario.types[types[output]])

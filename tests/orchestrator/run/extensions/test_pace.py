@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from unittest import mock
 
 import pytest
 from support.messages.recordings import messages
@@ -27,6 +28,7 @@ from stepbus_orchestrator.scenario.load import load
 
 def test_keys_steer_the_pace():
     pace, interrupt = Pace(), threading.Event()
+    pace.attach(mock.Mock(**{"state.end": None, "state.last_step": 5}))
     limits = []
     for key in "ps p\nx":
         press(key, pace, interrupt)

@@ -26,11 +26,11 @@ class Clock:
         return self.now
 
 
-def made(factor=1.0, step_ns=5 * MS, state=None, others=FAR):
-    """Return a clock, and a run in real time whose step 0 begins now; others: of all other gates."""
+def made(factor=1.0, step_ns=5 * MS, state=None, others=lambda _: FAR):
+    """Return a clock, and a run in real time whose step 0 begins now; others: all other gates."""
     clock, gate = Clock(), RealTime(step_ns, factor)
     state = state or RunState(scenario(window=1))
-    gate.attach(SimpleNamespace(clock=clock, state=state, gates=[gate.limit, lambda _: others]))
+    gate.attach(SimpleNamespace(clock=clock, state=state, gates=[gate.limit, others]))
     gate.limit(0)
     return clock, gate
 
@@ -65,36 +65,41 @@ def test_the_grid_has_no_drift(factor):
     assert gate.limit(0) == steps + 1
 
 
-def late_state(**options):
-    state = RunState(scenario(window=1))
+def report(state, *names, step=0):
+    for name in names:
+        state.barrier.report(name, step)
+
+
+def late_state():
+    state = RunState(scenario(window=1, steps=100))
     state.participants = states(state.scenario)
-    state.released = 1
     return state
 
 
 def test_whoever_holds_a_step_past_its_time_is_counted():
     state = late_state()
     clock, gate = made(state=state)
-    gate.released(0, 1)
     clock.now += 6 * MS
     gate.limit(1)
     clock.now += 1 * MS
-    gate.released(1, 2)
+    report(state, "plant", "mission", "controller")
+    gate.limit(1)
     found = gate.lateness()
     assert (found.steps, found.max_us, found.p50_us) == (2, 2000.0, 2000.0)
-    assert found.late == dict.fromkeys(state.barrier.holders(), 1)
+    assert found.late == {"plant": 1, "mission": 1}
     assert {bound: n for bound, n in found.histogram.items() if n} == {"100": 1, "2000": 1}
 
 
 def test_a_pause_moves_the_grid():
-    state = late_state()
-    clock, gate = made(state=state, others=1)
+    state, held = late_state(), [1]
+    clock, gate = made(state=state, others=lambda _: held[0])
     for name in state.participants:
         for step in range(0, 4, state.scenario.participant(name).every):
             state.barrier.report(name, step)
     clock.now += 1000 * MS
     gate.limit(1)
-    gate.released(1, 2)
+    held[0] = FAR
+    gate.limit(1)
     assert gate.lateness().max_us == 0.0
     assert gate.lateness().late == {}
 
@@ -139,10 +144,12 @@ def test_a_run_that_does_not_keep_real_time_is_told_with_who_held_it(tmp_path, c
 
 @pytest.mark.parametrize(("late_ms", "text"), [(5, ""), (500, "0.50 instead of 1; the last")])
 def test_what_counts_is_how_late_the_last_step_is(late_ms, text):
-    clock, gate = made()
-    for step in range(100):
+    state = late_state()
+    clock, gate = made(state=state)
+    for step in range(1, 100):
         clock.now = (7 + 5 * step) * MS + (late_ms * MS if step >= 50 else 0)
-        gate.released(step, step + 1)
+        report(state, *state.participants, step=step - 1)
+        gate.limit(step)
     found = gate.lateness()
     assert found.kept == pytest.approx(500 / (500 + late_ms))
     assert bool(text) == bool(found.complaint())
