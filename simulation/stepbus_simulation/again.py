@@ -55,16 +55,13 @@ class Again(Execution):
         with _hosted(self.host):
             super().run()
 
-    # --- what can be done -----------------------------------------------------------------
-
     def rerun(self) -> str:
         """Run the scenario of the recording again."""
-        again = rerun(self._recording, self.out)
-        return self._unlike(again)
+        return self._unlike(rerun(self._recording, self.out))
 
     def branch(self) -> str:
         """Go on from the midst of the recording, with no change."""
-        return self._branch(self._complete // 2)
+        return self._unlike(branch(self._recording, self.out, at=self._complete // 2))
 
     def branch_late(self) -> str:
         """Go on from the newest step of any participant.
@@ -72,7 +69,8 @@ class Again(Execution):
         That is an error where others lack it, or where it is behind the end that one asks for.
         """
         try:
-            problem = self._branch(recorded_end(Recording(self._recording)))
+            at = recorded_end(Recording(self._recording))
+            problem = self._unlike(branch(self._recording, self.out, at=at))
         except RecordingFailed as exc:
             problem = str(exc)
         allowed = ("complete steps", "the recording continues after that", "would end at step")
@@ -80,18 +78,8 @@ class Again(Execution):
             self.new, problem = None, ""
         return problem
 
-    def _branch(self, at: int) -> str:
-        return self._unlike(branch(self._recording, self.out, at=at))
-
-    def replay_plant(self) -> str:
-        """Replay the plant."""
-        return self._replay("plant")
-
-    def replay_controller(self) -> str:
-        """Replay the controller."""
-        return self._replay("controller")
-
-    def _replay(self, name: str) -> str:
+    def replay(self, name: str) -> str:
+        """Replay a participant."""
         self.host.start_order = [name]
         result = replay(self._recording, name, recorded=True)
         return "" if result.equal else f"{name} is not what was recorded: {result.divergence}"
@@ -109,8 +97,8 @@ AGAIN: dict[str, Callable[[Again], str]] = {
     "rerun": Again.rerun,
     "branch": Again.branch,
     "branch late": Again.branch_late,
-    "replay plant": Again.replay_plant,
-    "replay controller": Again.replay_controller,
+    "replay plant": lambda again: again.replay("plant"),
+    "replay controller": lambda again: again.replay("controller"),
 }
 """Name in a tape → what is done; it returns what is wrong, if anything."""
 
@@ -123,8 +111,9 @@ def _hosted(host: SimulatedHost) -> Iterator[None]:
         return run_scenario.run(scenario, dataclasses.replace(options, host=host), *more)
 
     # The package has functions of the same names.
-    modules = (sys.modules[item.__module__] for item in (rerun, branch, replay))
-    of_rerun, of_branch, of_replay = modules
+    of_rerun, of_branch, of_replay = (
+        sys.modules[item.__module__] for item in (rerun, branch, replay)
+    )
     with (
         patch.object(of_rerun, "run", run),
         patch.object(of_branch, "run", run),

@@ -60,7 +60,7 @@ class SimulatedParticipant(RunProcess):
         if number == signal.SIGSTOP:
             self.process.freeze()
         elif number == signal.SIGCONT:
-            self.process.thaw()
+            self.process.world.after(0, self.process.thaw)
         elif number == signal.SIGKILL or not self.process.is_frozen:
             self.process.kill(-number)
 

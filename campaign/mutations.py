@@ -9,19 +9,18 @@ import io
 import json
 import random
 import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from typing import Any
 
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
+from mcap.reader import McapReader, make_reader
+from mcap.records import Channel, Message
 from mcap.writer import Writer
 
-from ..log_reader import CHAIN
+from .log_reader import CHAIN, parse
 
 MAGIC_BYTES = 8
 HEAD = struct.Struct("<BQ")
-_FOOTER_BYTES = 37  # the footer with its head, and the magic bytes
 _CRC_IN_FOOTER = 12  # behind it: the CRC and the magic bytes
 
 Mutation = Callable[[random.Random, bytes], bytes]
@@ -34,18 +33,16 @@ DESCRIPTIONS = (
 )  # fmt: skip
 
 
-def records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield (opcode, start, end) of each record of a whole file."""
-    offset = MAGIC_BYTES
+def _spans(data: bytes, *opcodes: int) -> list[tuple[int, int]]:
+    """Return (start, end) of each record of these kinds in a whole file."""
+    spans, offset = [], MAGIC_BYTES
     while offset < len(data) - MAGIC_BYTES:
         opcode, length = HEAD.unpack_from(data, offset)
         end = offset + HEAD.size + length
-        yield opcode, offset, end
+        if opcode in opcodes:
+            spans.append((offset, end))
         offset = end
-
-
-def _spans(data: bytes, *opcodes: int) -> list[tuple[int, int]]:
-    return [(start, end) for opcode, start, end in records(data) if opcode in opcodes]
+    return spans
 
 
 def _somewhere(chance: random.Random, data: bytes) -> int:
@@ -113,13 +110,12 @@ def repeat_chunk(chance: random.Random, data: bytes) -> bytes:
 
 def _chunks(data: bytes) -> list[tuple[int, int]]:
     """Return where each chunk lies, with the message indexes that follow it."""
-    chunks: list[tuple[int, int]] = []
-    for opcode, start, end in records(data):
-        if opcode == Opcode.CHUNK:
-            chunks.append((start, end))
-        elif opcode == Opcode.MESSAGE_INDEX:
-            chunks[-1] = (chunks[-1][0], end)
-    return chunks
+    starts = [start for start, _ in _spans(data, Opcode.CHUNK)]
+    ends = [end for _, end in _spans(data, Opcode.CHUNK, Opcode.MESSAGE_INDEX)]
+    return [
+        (start, max(end for end in ends if end <= following))
+        for start, following in zip(starts, [*starts[1:], len(data)], strict=True)
+    ]
 
 
 def chunk_without_crc(chance: random.Random, data: bytes) -> bytes:
@@ -133,129 +129,141 @@ def chunk_without_crc(chance: random.Random, data: bytes) -> bytes:
 
 
 def no_crcs(_chance: random.Random, data: bytes) -> bytes:
-    """Set every checksum to 0, and change a metadata record or an attachment."""
+    """Set every checksum to 0."""
     copy = bytearray(data)
-    for opcode, start, end in records(data):
-        if opcode in {Opcode.ATTACHMENT, Opcode.DATA_END}:
-            copy[end - 4 : end] = bytes(4)
-        if opcode == Opcode.CHUNK:
-            copy[start + HEAD.size + 24 : start + HEAD.size + 28] = bytes(4)
+    for _, end in _spans(data, Opcode.ATTACHMENT, Opcode.DATA_END):
+        copy[end - 4 : end] = bytes(4)
+    for start, _ in _spans(data, Opcode.CHUNK):
+        copy[start + HEAD.size + 24 : start + HEAD.size + 28] = bytes(4)
     copy[-_CRC_IN_FOOTER:-MAGIC_BYTES] = bytes(4)
     return bytes(copy)
 
 
 def metadata_changed(chance: random.Random, data: bytes) -> bytes:
     """Change a letter of a metadata record."""
-    start, end = chance.choice(_spans(data, Opcode.METADATA, Opcode.HEADER))
-    copy = bytearray(data)
-    copy[chance.randrange(start + HEAD.size, end)] ^= 1
-    return bytes(copy)
+    return _flipped_in(chance, data, 1, Opcode.METADATA, Opcode.HEADER)
 
 
 def message_index_changed(chance: random.Random, data: bytes) -> bytes:
     """Change an index of messages, which other programs go by."""
-    start, end = chance.choice(_spans(data, Opcode.MESSAGE_INDEX))
+    return _flipped_in(chance, data, 1 << chance.randrange(8), Opcode.MESSAGE_INDEX)
+
+
+def _flipped_in(chance: random.Random, data: bytes, bit: int, *opcodes: int) -> bytes:
+    """Flip a bit in a record of these kinds."""
+    start, end = chance.choice(_spans(data, *opcodes))
     copy = bytearray(data)
-    copy[chance.randrange(start + HEAD.size, end)] ^= 1 << chance.randrange(8)
+    copy[chance.randrange(start + HEAD.size, end)] ^= bit
     return bytes(copy)
 
 
-@dataclass
-class Copy:
-    """A valid file, written again from another one, with something else in it.
+Rows = list[tuple[int, int, bytes]]
+"""Step, time [ns] and content of messages."""
 
-    Each hook returns what is to be written; None to leave it out.
+
+def _same(_topic: str, message: Message) -> Rows:
+    return [(message.sequence, message.log_time, message.data)]
+
+
+def _copy(
+    data: bytes,
+    *,
+    message: Callable[[str, Message], Rows] = _same,
+    channel: Callable[[Any, Channel], Any] = lambda schema, channel: (
+        schema.name,
+        schema.data,
+        channel.topic,
+        channel.metadata,
+    ),
+    attachment: Callable[[str, bytes], bytes | None] = lambda _name, data: data,
+    metadata: Callable[[dict[str, str]], dict[str, str] | None] = lambda content: content,
+) -> bytes:
+    """Return a valid file, written again from another one, with something else in it.
+
+    message: returns what stands in the place of a message. channel: returns schema name, schema,
+    topic and metadata; None leaves it out, as with `attachment` and `metadata`.
     """
+    out, reader = io.BytesIO(), make_reader(io.BytesIO(data))
+    writer: Any = Writer(out, enable_data_crcs=True)
+    header = reader.get_header()
+    writer.start(profile=header.profile, library=header.library)
+    for item in reader.iter_attachments():
+        if (content := attachment(item.name, item.data)) is not None:
+            writer.add_attachment(0, 0, item.name, item.media_type, content)
+    for record in reader.iter_metadata():
+        if (text := metadata(record.metadata)) is not None:
+            writer.add_metadata(record.name, text)
+    _copy_messages(reader, writer, message, channel)
+    writer.finish()
+    return out.getvalue()
 
-    message: Callable[[Any, Any], list[tuple[int, int, bytes]]] = field(
-        default=lambda _channel, m: [(m.sequence, m.log_time, m.data)]
-    )
-    channel: Callable[[Any, Any], Any] = field(
-        default=lambda schema, channel: (schema.name, schema.data, channel.topic, channel.metadata)
-    )
-    attachment: Callable[[str, bytes], bytes | None] = field(default=lambda _name, data: data)
-    metadata: Callable[[str, dict[str, str]], dict[str, str] | None] = field(
-        default=lambda _name, content: content
-    )
 
-    def of(self, data: bytes) -> bytes:
-        """Return the bytes of the copy."""
-        out, reader = io.BytesIO(), make_reader(io.BytesIO(data))
-        header = reader.get_header()
-        writer: Any = Writer(out, enable_data_crcs=True)
-        writer.start(profile=header.profile, library=header.library)
-        for item in reader.iter_attachments():
-            content = self.attachment(item.name, item.data)
-            if content is not None:
-                writer.add_attachment(0, 0, item.name, item.media_type, content)
-        for record in reader.iter_metadata():
-            text = self.metadata(record.name, record.metadata)
-            if text is not None:
-                writer.add_metadata(record.name, text)
-        numbers: dict[int, int | None] = {}
-        step = 0
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if message.sequence != step:
-                # A chunk of ours ends with a whole step.
-                writer.flush()
-            step = message.sequence
-            if channel.id not in numbers:
-                numbers[channel.id] = self._register(writer, schema, channel)
-            number = numbers[channel.id]
-            rows = self.message(channel, message) if number is not None else []
-            for own_step, time, content in rows:
-                writer.add_message(number or 0, time, content, time, own_step)
-        writer.finish()
-        return out.getvalue()
-
-    def _register(self, writer: Writer, schema: Any, channel: Any) -> int | None:
-        row = self.channel(schema, channel)
-        if row is None:
-            return None
-        name, data, topic, metadata = row
-        number = writer.register_schema(name, schema.encoding, data)
-        return writer.register_channel(topic, channel.message_encoding, number, metadata)
+def _copy_messages(reader: McapReader, writer: Any, message: Any, channel: Any) -> None:
+    numbers: dict[int, int | None] = {}
+    step = 0
+    for schema, source, item in reader.iter_messages(log_time_order=False):
+        if item.sequence != step:
+            # A chunk of ours ends with a whole step.
+            writer.flush()
+        step = item.sequence
+        if source.id not in numbers:
+            row = channel(schema, source)
+            if row is not None:
+                name, content, topic, about = row
+                kind = writer.register_schema(name, "jsonschema", content)
+                row = writer.register_channel(topic, source.message_encoding, kind, about)
+            numbers[source.id] = row
+        number = numbers[source.id]
+        if number is not None:
+            for own_step, time, content in message(source.topic, item):
+                writer.add_message(number, time, content, time, own_step)
 
 
 def rewritten(_chance: random.Random, data: bytes) -> bytes:
     """Return the recording again in other chunks, with nothing changed."""
-    return Copy().of(data)
+    return _copy(data)
+
+
+def _one_changed(
+    chance: random.Random, data: bytes, change: Callable[[int, int, bytes], Rows]
+) -> bytes:
+    """Change one message of a participant; the hash chain stays."""
+    rows = [(row.topic, row.step) for row in parse(data).rows if row.topic != CHAIN]
+    victim = chance.choice(rows)
+
+    def changed(topic: str, message: Message) -> Rows:
+        (row,) = _same(topic, message)
+        return change(*row) if (topic, message.sequence) == victim else [row]
+
+    return _copy(data, message=changed)
 
 
 def message_dropped(chance: random.Random, data: bytes) -> bytes:
-    """Leave one message out; the hash chain stays."""
-    victim = _victim(chance, data)
-    return Copy(message=lambda c, m: [] if _is(victim, c, m) else _same(m)).of(data)
+    """Leave one message out."""
+    return _one_changed(chance, data, lambda *_row: [])
 
 
 def message_changed(chance: random.Random, data: bytes) -> bytes:
-    """Change one message; the hash chain stays."""
-    victim = _victim(chance, data)
+    """Change one message."""
 
-    def changed(content: bytes) -> bytes:
+    def changed(step: int, time: int, content: bytes) -> Rows:
         at = chance.randrange(len(content))
-        return content[:at] + bytes((content[at] ^ 1,)) + content[at + 1 :]
+        return [(step, time, content[:at] + bytes((content[at] ^ 1,)) + content[at + 1 :])]
 
-    return Copy(
-        message=lambda c, m: (
-            [(m.sequence, m.log_time, changed(m.data))] if _is(victim, c, m) else _same(m)
-        )
-    ).of(data)
+    return _one_changed(chance, data, changed)
 
 
 def message_moved(chance: random.Random, data: bytes) -> bytes:
     """Give one message another step."""
-    victim, other = _victim(chance, data), chance.choice((0, 7, 2**32 - 1))
-    step = other if other != victim[1] else other + 1
-    return Copy(
-        message=lambda c, m: [(step, m.log_time, m.data)] if _is(victim, c, m) else _same(m)
-    ).of(data)
+    other = chance.choice((0, 7, 2**32 - 1))
+    return _one_changed(
+        chance, data, lambda step, time, content: [(other + (other == step), time, content)]
+    )
 
 
 def message_repeated(chance: random.Random, data: bytes) -> bytes:
     """Write one message twice."""
-    victim = _victim(chance, data)
-    return Copy(message=lambda c, m: _same(m) * (2 if _is(victim, c, m) else 1)).of(data)
+    return _one_changed(chance, data, lambda *row: [row, row])
 
 
 def channel_changed(chance: random.Random, data: bytes) -> bytes:
@@ -276,7 +284,7 @@ def channel_changed(chance: random.Random, data: bytes) -> bytes:
                 return None
         return name, chance.choice((schema.data, schema.data, b"", b"{")), topic, metadata
 
-    return Copy(channel=channel).of(data)
+    return _copy(data, channel=channel)
 
 
 def attachment_changed(chance: random.Random, data: bytes) -> bytes:
@@ -295,27 +303,12 @@ def attachment_changed(chance: random.Random, data: bytes) -> bytes:
                 return "\n".join(lines).encode()
         return content
 
-    return Copy(attachment=attachment).of(data)
+    return _copy(data, attachment=attachment)
 
 
 def metadata_dropped(chance: random.Random, data: bytes) -> bytes:
     """Leave metadata records out, or empty them."""
-    return Copy(metadata=lambda _name, text: chance.choice((None, {}, text))).of(data)
-
-
-def _same(message: Any) -> list[tuple[int, int, bytes]]:
-    return [(message.sequence, message.log_time, message.data)]
-
-
-def _victim(chance: random.Random, data: bytes) -> tuple[str, int]:
-    """Return topic and step of a message of a participant."""
-    reader = make_reader(io.BytesIO(data))
-    rows = [(c.topic, m.sequence) for _, c, m in reader.iter_messages() if c.topic != CHAIN]
-    return chance.choice(rows)
-
-
-def _is(victim: tuple[str, int], channel: Any, message: Any) -> bool:
-    return bool((channel.topic, message.sequence) == victim)
+    return _copy(data, metadata=lambda content: chance.choice((None, {}, content)))
 
 
 DAMAGE: tuple[Mutation, ...] = (
