@@ -6,7 +6,6 @@ Each mutation takes a source of chance, the bytes of a recording and returns oth
 from __future__ import annotations
 
 import io
-import json
 import random
 import struct
 from collections.abc import Callable
@@ -165,16 +164,15 @@ def _same(_topic: str, message: Message) -> Rows:
     return [(message.sequence, message.log_time, message.data)]
 
 
+def _unchanged(schema: Any, channel: Channel) -> tuple[str, bytes, str, dict[str, str]]:
+    return schema.name, schema.data, channel.topic, channel.metadata
+
+
 def _copy(
     data: bytes,
     *,
     message: Callable[[str, Message], Rows] = _same,
-    channel: Callable[[Any, Channel], Any] = lambda schema, channel: (
-        schema.name,
-        schema.data,
-        channel.topic,
-        channel.metadata,
-    ),
+    channel: Callable[[Any, Channel], Any] = _unchanged,
     attachment: Callable[[str, bytes], bytes | None] = lambda _name, data: data,
     metadata: Callable[[dict[str, str]], dict[str, str] | None] = lambda content: content,
 ) -> bytes:
@@ -266,42 +264,35 @@ def message_repeated(chance: random.Random, data: bytes) -> bytes:
     return _one_changed(chance, data, lambda *row: [row, row])
 
 
+def _spoilt(chance: random.Random, text: str, *others: str) -> str:
+    """Return a text, one time in three something else."""
+    return text if chance.random() < 0.7 else chance.choice(("", "null", "{", text[1:], *others))
+
+
 def channel_changed(chance: random.Random, data: bytes) -> bytes:
     """Change topic, type or description of some channels, or leave them out."""
 
     def channel(schema: Any, channel: Any) -> Any:
-        name, topic, metadata = schema.name, channel.topic, dict(channel.metadata)
-        match chance.randrange(12):
-            case 0:
-                name = chance.choice(("", "stepbus.", "stepbus.JointState/1", "stepbus.Later/9"))
-            case 1:
-                topic = chance.choice(("", "/", "plant", "a/b/c", "plant/joint_state", CHAIN))
-            case 2 | 3:
-                metadata["description"] = chance.choice(DESCRIPTIONS)
-            case 4:
-                metadata = {}
-            case 5:
-                return None
-        return name, chance.choice((schema.data, schema.data, b"", b"{")), topic, metadata
+        if chance.random() < 0.1:
+            return None
+        name = _spoilt(chance, schema.name, "stepbus.", "stepbus.JointState/1", "stepbus.Later/9")
+        topic = _spoilt(chance, channel.topic, "/", "a/b/c", "plant/joint_state", CHAIN)
+        about = {
+            key: _spoilt(chance, text, *DESCRIPTIONS) for key, text in channel.metadata.items()
+        }
+        return name, _spoilt(chance, schema.data.decode()).encode(), topic, about
 
     return _copy(data, channel=channel)
 
 
 def attachment_changed(chance: random.Random, data: bytes) -> bytes:
-    """Change some attachments, or leave them out."""
+    """Change a line of some attachments, or leave them out."""
 
-    def attachment(name: str, content: bytes) -> bytes | None:
-        match chance.randrange(4):
-            case 0:
-                return None if chance.random() < 0.4 else chance.randbytes(20)
-            case 1 if name == "scenario.yaml":
-                lines = content.decode().splitlines()
-                at = chance.randrange(len(lines))
-                lines[at] = chance.choice(
-                    ("", "participants: 3", "  - x", "{", lines[-1], json.dumps(lines[at]))
-                )
-                return "\n".join(lines).encode()
-        return content
+    def attachment(_name: str, content: bytes) -> bytes | None:
+        lines = content.decode().splitlines()
+        at = chance.randrange(len(lines))
+        lines[at] = _spoilt(chance, lines[at], "participants: 3", "  - x", lines[-1], "\ufffd")
+        return "\n".join(lines).encode() if chance.random() < 0.9 else None
 
     return _copy(data, attachment=attachment)
 

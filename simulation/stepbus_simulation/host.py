@@ -178,7 +178,6 @@ class _Launch(Strategy):
 
         process = Process(host.world, name, work)
         participant = SimulatedParticipant(process, pid, self._run.out / "logs" / f"{name}.log")
-        process.print = participant
         host.participants[name] = participant
         process.start(host.start_ns.get(name, _START_NS))
         return participant

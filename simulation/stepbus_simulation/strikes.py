@@ -160,7 +160,7 @@ def ignore_triggers(execution: Execution, fault: Fault) -> None:
     def strike() -> None:
         execution.struck(fault)
         node = execution.network.nodes[fault.target]
-        node.subscribers = [row for row in node.subscribers if row[0] != "trigger"]
+        node.declared = [row for row in node.declared if row[:2] != ("subscriber", "trigger")]
         execution.network.changes += 1
 
     execution.in_step(fault.target, fault.at, strike)
