@@ -58,9 +58,7 @@ class Execution:
         self.tape = tape
         self.out = out
         self.world = World(keeps_trace=keeps_trace)
-        self.network = Network(self.world)
-        self.network.delay_ns = 1000 * tape.knobs.link_us
-        self.network.buffer_bytes = tape.knobs.buffer_bytes
+        self.network = Network(self.world, tape.knobs)
         self.network.on_link = self._link_is_made
         self.network.alter = self._altered
         self.orchestrator = Process(self.world, ORCHESTRATOR, self._orchestrate)
@@ -73,7 +71,6 @@ class Execution:
         self.late: list[str] = []
         self.effective: list[Fault] = []
         self.watch = _Watch()
-        self.printed = io.StringIO()
         self.is_healed = False
         self.lasting_ns = 0
         self._limit_ns = 0
@@ -225,7 +222,7 @@ class Execution:
         """Run it until all processes have ended, or should have."""
         scenario(self.tape.scenario, self.tape.steps, self.tape.knobs)  # reads files
         with (
-            contextlib.redirect_stderr(self.printed),
+            contextlib.redirect_stderr(io.StringIO()),
             patch.object(McapFile, "chunk_bytes", self.tape.knobs.chunk_bytes),
             patch.object(FaultyPublisher, "_apply", self._publishing(FaultyPublisher._apply)),
             patch.object(Faults, "_inject", self._injecting(Faults._inject)),

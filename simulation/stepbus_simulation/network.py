@@ -17,14 +17,11 @@ from typing import Any, Literal
 
 from stepbus_participant import BusError, Clock, Queue, Sample
 
+from .tape import Knobs
 from .world import NS, Process, SimulatedQueue, World
 
-BUFFER_BYTES = 200_000
-"""What a link holds for a process that reads nothing [bytes]: some 250 messages."""
 _MESSAGE_BYTES = 800
 """What a message takes of that beside its content [bytes]."""
-DELAY_NS = 30_000
-
 _Role = Literal["subscriber", "answerer", "watcher"]
 
 
@@ -38,9 +35,9 @@ class Link:
 
     source: Node
     target: Node
+    delay_ns: int
     up_ns: int = 0
     is_cut: bool = False
-    delay_ns: int = DELAY_NS
     changes: dict[int, tuple[str, int]] = field(default_factory=dict)
     struck: dict[int, Callable[[], None]] = field(default_factory=dict)
     count: int = 0
@@ -86,16 +83,16 @@ class Link:
 
 
 class Network:
-    """All nodes of a run, and the links between them."""
+    """All nodes of a run, and the links between them; knobs: their delay and buffer."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, knobs: Knobs) -> None:
         self.world = world
         self.nodes: dict[str, Node] = {}
         self.links: dict[tuple[str, str], Link] = {}
         self.changes = 0
         """Grows with each change of who reads what."""
-        self.delay_ns = DELAY_NS
-        self.buffer_bytes = BUFFER_BYTES
+        self.delay_ns = 1000 * knobs.link_us
+        self.buffer_bytes = knobs.buffer_bytes
         self.up_ns: dict[frozenset[str], int] = {}
         self.on_link: Callable[[Link], None] = lambda _link: None
         self.alter: Callable[[str, str, bytes], list[bytes]] = lambda _name, _key, data: [data]
@@ -105,7 +102,7 @@ class Network:
         key = source.process.name, target.process.name
         link = self.links.get(key)
         if link is None or link.target is not target or link.source is not source:
-            self.links[key] = Link(source, target, delay_ns=self.delay_ns)
+            self.links[key] = Link(source, target, self.delay_ns)
             self.on_link(self.links[key])
         return self.links[key]
 
