@@ -6,78 +6,52 @@ import argparse
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from . import runs, store
 
-Column = Callable[[Sequence[Any]], object]
-"""Makes a cell of what all cases of a row have there."""
-
-
-def codes(values: Sequence[int | None]) -> str:
-    """Return exit codes, without that of a run that hangs."""
-    return ", ".join(str(code) for code in sorted({*values} - {None}))  # type: ignore[type-var]
-
-
-def most(values: Sequence[float]) -> str:
-    """Return the largest value."""
-    return f"{max(values):.1f}"
-
-
-RUNS: Mapping[str, Column] = {
-    "Cases": sum, "Missed": sum, "Exit codes": codes, "Slowest end [s]": most, "Broken": sum,
-}  # fmt: skip
-"""Cases: those in which the fault struck. Missed: those whose run had ended before."""
-
-SALES: Mapping[str, Column] = {
-    "Cases": len, "Sold": sum, "Stopped": sum, "Largest force [N]": most, "Too near": sum,
-    "Broken": sum,
-}  # fmt: skip
-"""Too near: sales in which something appeared nearer than the robot can stop."""
-
-
-class Table:
-    """What the cases came to, a row for each thing that happens; the last column: broken promises.
-
-    columns: title → what makes its cells.
-    """
-
-    def __init__(self, columns: Mapping[str, Column]) -> None:
-        self._columns = columns
-        self._rows: dict[str, list[Sequence[Any]]] = {}
-        self.broken = 0
-
-    def add(self, name: str, *values: Any) -> None:
-        """Count one case: a value for each column."""
-        self._rows.setdefault(name, []).append(values)
-        self.broken += values[-1]
-
-    def lines(self) -> list[str]:
-        """Return the table; empty without a case."""
-        if not self._rows:
-            return []
-        every = [case for cases in self._rows.values() for case in cases]
-        rows = [self._row(name, cases) for name, cases in sorted(self._rows.items())]
-        heads = ["What happens", *self._columns]
-        table = [heads, ["---"] * len(heads), *rows, self._row("**all**", every)]
-        return [f"| {' | '.join(row)} |" for row in table]
-
-    def _row(self, name: str, cases: Sequence[Sequence[Any]]) -> list[str]:
-        columns = zip(self._columns.values(), zip(*cases, strict=True), strict=True)
-        return [name, *(str(make(values)) for make, values in columns)]
+Cell = int | float | frozenset[int]
+"""A count, of which a table has the sum; a measure: the largest; exit codes: all."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What one case came to: what is printed of it, and its row and cells of the table."""
+    """What one case came to: what is printed of it, and its row and cells of the table.
+
+    cells: title → cell, beside the number of broken promises.
+    """
 
     case: str
     row: str
-    cells: Sequence[Any]
+    cells: Mapping[str, Cell]
     broken: Sequence[str]
-    notes: Sequence[str] = field(default=())
+    notes: Sequence[str] = ()
+
+
+def table(outcomes: Sequence[Outcome]) -> list[str]:
+    """Return the lines of a table, a row for each thing that happens; none without an outcome."""
+    if not outcomes:
+        return []
+    rows: dict[str, list[Outcome]] = {}
+    for outcome in sorted(outcomes, key=lambda outcome: outcome.row):
+        rows.setdefault(outcome.row, []).append(outcome)
+    heads = ["What happens", *outcomes[0].cells, "Broken"]
+    lines = [heads, ["---"] * len(heads)]
+    for name, own in [*rows.items(), ("**all**", outcomes)]:
+        columns = zip(*(outcome.cells.values() for outcome in own), strict=True)
+        broken = sum(len(outcome.broken) for outcome in own)
+        lines.append([name, *map(_total, columns), str(broken)])
+    return [f"| {' | '.join(line)} |" for line in lines]
+
+
+def _total(cells: Sequence[Cell]) -> str:
+    if isinstance(cells[0], frozenset):
+        codes: frozenset[int] = frozenset().union(*cells)  # type: ignore[arg-type]
+        return ", ".join(map(str, sorted(codes)))
+    if isinstance(cells[0], float):
+        return f"{max(cells):.1f}"
+    return str(sum(cells))  # type: ignore[arg-type]
 
 
 def _arguments() -> argparse.Namespace:
@@ -109,11 +83,16 @@ def _strike_runs(options: argparse.Namespace) -> Iterator[Outcome]:
     ]
     for case, verdict in runs.strike(rows, options.seed, options.patience):
         notes = [f"reason: {verdict.said}", f"output: {verdict.output[-400:]!r}"]
-        missed = verdict.missed
+        missed = ", missed" if verdict.missed else ""
         yield Outcome(
-            case=f"{case}: {verdict.code} after {verdict.seconds:.1f} s{', missed' * missed}",
+            case=f"{case}: {verdict.code} after {verdict.seconds:.1f} s{missed}",
             row=case.fault,
-            cells=(not missed, missed, verdict.code, verdict.seconds),
+            cells={
+                "Cases": not verdict.missed,
+                "Missed": verdict.missed,
+                "Exit codes": frozenset({verdict.code} - {None}),  # type: ignore[arg-type]
+                "Slowest end [s]": verdict.seconds,
+            },
             broken=verdict.broken,
             notes=notes if verdict.broken else (),
         )
@@ -125,38 +104,40 @@ def _sell(options: argparse.Namespace) -> Iterator[Outcome]:
         for case in store.cases(options.sales, options.seed)
         if options.only in case.family and options.on in case.scenario
     ]
-    for case, outcome in store.sell(rows):
-        is_sold = outcome.code == 0
+    for case, sale in store.sell(rows):
         yield Outcome(
-            case=f"{case}: {outcome.code} after {outcome.seconds:.0f} s",
+            case=f"{case}: {sale.code} after {sale.seconds:.0f} s",
             row=case.family,
-            cells=(1, is_sold, not is_sold, outcome.force, bool(outcome.excused)),
-            broken=outcome.broken,
+            cells={
+                "Cases": 1,
+                "Sold": sale.code == 0,
+                "Stopped": sale.code != 0,
+                "Largest force [N]": sale.force,
+                "Too near": bool(sale.excused),
+            },
+            broken=sale.broken,
             notes=[
-                f"{outcome.force:.1f} N; {outcome.reason}",
-                *(f"unavoidable: {line}" for line in outcome.excused),
+                f"{sale.force:.1f} N; {sale.reason}",
+                *(f"unavoidable: {line}" for line in sale.excused),
             ],
         )
 
 
-_PARTS: Mapping[
-    str, tuple[Callable[[argparse.Namespace], Iterator[Outcome]], Mapping[str, Column]]
-] = {
-    "runs": (_strike_runs, RUNS),
-    "store": (_sell, SALES),
+_PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Outcome]]] = {
+    "runs": _strike_runs,
+    "store": _sell,
 }
 
 
-def _judged(name: str, options: argparse.Namespace) -> Table:
-    """Run a part, print what each case came to, and return its table."""
-    outcomes, columns = _PARTS[name]
-    table = Table(columns)
-    for number, outcome in enumerate(outcomes(options), start=1):
-        table.add(outcome.row, *outcome.cells, len(outcome.broken))
+def _judged(name: str, options: argparse.Namespace) -> list[Outcome]:
+    """Run a part, print what each case came to, and return that."""
+    outcomes = []
+    for number, outcome in enumerate(_PARTS[name](options), start=1):
+        outcomes.append(outcome)
         _say(f"{number} {'BROKEN' if outcome.broken else 'ok'} {outcome.case}")
         for line in (*outcome.broken, *outcome.notes):
             _say(f"      {line}")
-    return table
+    return outcomes
 
 
 def _say(text: str) -> None:
@@ -169,13 +150,13 @@ def main() -> int:
     options, texts, is_good = _arguments(), [], True
     for name in _PARTS if options.part == "all" else [options.part]:
         try:
-            table = _judged(name, options)
+            outcomes = _judged(name, options)
         except Exception:  # noqa: BLE001  (the other parts are judged, and the tables printed)
             is_good = False
             _say(f"BROKEN: part {name} failed: {traceback.format_exc()}")
         else:
-            is_good = is_good and not table.broken
-            texts.append("\n".join(table.lines()) + "\n")
+            is_good = is_good and not any(outcome.broken for outcome in outcomes)
+            texts.append("\n".join(table(outcomes)) + "\n")
     _say("\n".join(texts))
     if options.table:
         options.table.write_text("\n".join(texts))

@@ -1,28 +1,124 @@
-"""The first part: runs that are struck from outside."""
+"""The first part: runs of the scenarios that ship, struck from outside."""
 
 from __future__ import annotations
 
 import itertools
 import os
 import random
+import subprocess
+import tempfile
 import time
 import traceback
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 
-from .faults import FAULTS, Fault
-from .faults.fault import Missed
-from .faults.streams import open_stream
+from .faults import FAULTS, Fault, open_stream
 from .judge import ORPHAN_GRACE_S, Verdict, judge
 from .log_reader import result
-from .sandbox import Sandbox, sandbox
-from .scenarios import SCENARIOS, Reference, reference
+from .sandbox import STEPBUS, Missed, Sandbox, sandbox
 
 MARGIN_S = 2.0
 """How much later than its deadline a run may end [s]."""
 HANG_S = 120.0
 """After so long, something hangs on the slowest machine [s]."""
 _ATTEMPTS = 4
+_LONGEST_S = 600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """One scenario that ships.
+
+    participants: their names. duration: of a run that ends by itself. start_s, step_s: deadlines
+    of each phase of the start, and of a step and of the end [s]. weight: how often it comes in
+    turn. still: settings of a run that ends by the fault only.
+    """
+
+    participants: tuple[str, ...] = ("plant", "controller", "mission")
+    duration: str = "60s"
+    start_s: float = 8.0
+    step_s: float = 2.0
+    weight: int = 2
+    still: tuple[str, ...] = ()
+
+    def patient(self, patience: float) -> Scenario:
+        """Return the scenario with deadlines that are so many times as long."""
+        return replace(self, start_s=patience * self.start_s, step_s=patience * self.step_s)
+
+    def arguments(self, name: str, *, endless: bool) -> list[str]:
+        """Return the arguments of a run with these deadlines; endless: it ends by the fault."""
+        phases = dict.fromkeys(("spawn", "join", "ready"), self.start_s)
+        phases |= dict.fromkeys(("step", "stop"), self.step_s)
+        sets = [f"duration={'1000s' if endless else self.duration}"]
+        sets += [
+            f"{participant}.{phase}_timeout={seconds:g}s"
+            for participant in self.participants
+            for phase, seconds in phases.items()
+        ]
+        sets += self.still if endless else ()
+        return [name, *(word for item in sets for word in ("--set", item))]
+
+
+# Without a script nothing ends a sale before the fault does.
+_STORE = Scenario(
+    participants=("plant", "perception", "mission", "controller", "planner"), duration="4800ms",
+    start_s=30.0, step_s=6.0, weight=1, still=("plant.params.script=[]",),
+)  # fmt: skip
+_SENSED = replace(_STORE, participants=(*_STORE.participants, "world"))
+SCENARIOS: Mapping[str, Scenario] = {
+    "two_link": Scenario(weight=4),
+    **{
+        f"two_link/{name}": Scenario()
+        for name in ("pd", "pid", "pd_gravity", "velocity_force", "encoders")
+    },
+    "baxter": Scenario(weight=3, start_s=12.0),
+    "baxter/round_trip": Scenario(start_s=20.0, step_s=4.0),
+    **{f"store/{name}": _STORE for name in ("truth", "obstacle", "heavy", "no_path")},
+    # A wheel jams at 1.5 s; soon afterwards the sale fails, as it should.
+    "store/jammed": replace(_STORE, duration="1792ms"),
+    "store": _SENSED,
+    "store/dead_camera": _SENSED,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Reference:
+    """An undisturbed run: SHA-256 of its recording, how long it took [s], what was wrong with it.
+
+    wrong: exit code and output; empty where it finished.
+    """
+
+    sha256: str
+    seconds: float
+    wrong: str = ""
+
+
+@cache
+def reference(name: str, patience: float) -> Reference:
+    """Run a scenario undisturbed, once."""
+    words = SCENARIOS[name].patient(patience).arguments(name, endless=False)
+    # The deadlines are in the recording, so they must be the same, also on a machine that is busy.
+    for _ in range(_ATTEMPTS):
+        found = _reference(words)
+        if not found.wrong:
+            break
+    return found
+
+
+def _reference(words: Sequence[str]) -> Reference:
+    with tempfile.TemporaryDirectory(prefix="sbc-") as folder:
+        out, began = Path(folder) / "run", time.monotonic()
+        command = [STEPBUS, "run", *words, "--no-report", "--out", str(out)]
+        done = subprocess.run(
+            command, check=False, capture_output=True, text=True, timeout=_LONGEST_S
+        )
+        content, seconds = result(out), time.monotonic() - began
+        if done.returncode or content is None:
+            said = (done.stdout + done.stderr)[-2000:]
+            return Reference("", seconds, f"exit code {done.returncode}: {said}")
+        return Reference(content["sha256"], seconds)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,35 +184,31 @@ def run_case(case: Case, seed: int, patience: float) -> Verdict:
         said = f"the undisturbed run failed: {undisturbed.wrong}"
         return Verdict(None, undisturbed.seconds, [said])
     for attempt in range(_ATTEMPTS):
-        verdict = _run_once(
-            case, f"{seed} {attempt}" if attempt else str(seed), patience, undisturbed
-        )
+        chance = random.Random(f"{seed} {attempt} {case.number} {case.fault}")
+        verdict = _run_once(case, chance, patience, undisturbed)
         if not verdict.missed:
-            return verdict
+            break
     return verdict
 
 
-def _run_once(case: Case, seed: str, patience: float, undisturbed: Reference | None) -> Verdict:
-    fault, chance = FAULTS[case.fault], random.Random(f"{seed} {case.number} {case.fault}")
-    scenario = SCENARIOS[case.scenario].patient(patience)
+def _run_once(
+    case: Case, chance: random.Random, patience: float, undisturbed: Reference | None
+) -> Verdict:
+    fault, scenario = FAULTS[case.fault], SCENARIOS[case.scenario].patient(patience)
     with sandbox() as box:
         box.notes["participants"] = scenario.participants
         box.notes["turn"] = case.turn
         box.notes["grace_s"] = ORPHAN_GRACE_S if patience <= 1.0 else HANG_S
         box.notes["reference"] = None if undisturbed is None else undisturbed.sha256
         before = fault.prepare(box, chance) if fault.prepare else None
-        words = (
-            scenario.endless(case.scenario)
-            if fault.endless
-            else scenario.arguments(case.scenario, scenario.duration)
-        )
+        words = [*scenario.arguments(case.scenario, endless=fault.endless), *fault.arguments]
         # A report takes as long as the run was, which would hide how long the end took.
-        words += [*fault.arguments, *([] if case.moment == "end" else ["--no-report"])]
+        words += [] if case.moment == "end" else ["--no-report"]
         output, opened = open_stream(fault.stdout)
         errors, opened_too = open_stream(fault.stderr)
         # The reader's end of stdout comes last: a fault may close it.
         box.notes["opened"] = opened_too + opened
-        box.start(words, stdout=output, stderr=errors, before=before, environment=fault.environment)
+        box.start(words, stdout=output, stderr=errors, before=before)
         _await_moment(box, case.moment, chance)
         box.faulted_at = time.monotonic()
         box.notes["missed"] = not has_struck(box, fault, chance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import random
 import shutil
 import signal
 import subprocess
@@ -11,18 +12,22 @@ import sys
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import psutil
 
 MARK = "STEPBUS_CAMPAIGN"
-SHARED_MEMORY = Path("/dev/shm")  # noqa: S108  (it is read only)
-_STEPPING_BYTES = 4_000
+START_S = 120.0
+"""How long a process of the run may take to appear [s]."""
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
+_STEPPING_BYTES = 4_000
+
+
+class Missed(Exception):
+    """The run ended before the fault struck."""
 
 
 @dataclass
@@ -30,7 +35,7 @@ class Sandbox:
     """A folder, the orchestrator that runs in it, and every process that it started.
 
     home: everything the run may write to; its `tmp` is TMPDIR. faulted_at: when the fault struck,
-    by the monotonic clock [s]. shared: names of the shared memory that its processes have used.
+    by the monotonic clock [s].
     """
 
     home: Path
@@ -39,7 +44,6 @@ class Sandbox:
     faulted_at: float = 0.0
     helpers: list[subprocess.Popen[Any]] = field(default_factory=list)
     notes: dict[str, Any] = field(default_factory=dict)
-    shared: set[str] = field(default_factory=set)
 
     @property
     def out(self) -> Path:
@@ -65,20 +69,23 @@ class Sandbox:
         stdout: int | None = None,
         stderr: int | None = None,
         before: Callable[[], None] | None = None,
-        environment: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Start `stepbus run …`; stdout and stderr go to files by default."""
-        own = {MARK: self.mark, "TMPDIR": str(self.temporary)}
         self.process = subprocess.Popen(
             [STEPBUS, "run", *arguments, "--out", str(self.out)],
             stdin=subprocess.DEVNULL,
             stdout=stdout if stdout is not None else (self.home / "stdout").open("wb"),
             stderr=stderr if stderr is not None else (self.home / "stderr").open("wb"),
-            env={**os.environ, **environment, **own},
+            env={**os.environ, MARK: self.mark, "TMPDIR": str(self.temporary)},
             cwd=self.home,
             preexec_fn=lambda: _prepare(before),  # noqa: PLW1509  (the campaign has one thread)
             start_new_session=True,
         )
+
+    def mount(self, name: str, options: str) -> bool:
+        """Mount a file system in memory on a folder; return whether this user may."""
+        command = ["mount", "-t", "tmpfs", "-o", options, "none", str(self.home / name)]
+        return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
     def processes(self) -> list[psutil.Process]:
         """Return what is alive of the run, the orchestrator included."""
@@ -117,31 +124,22 @@ class Sandbox:
 
     def is_stepping(self) -> bool:
         """Return whether steps have reached the recording, which is long behind its attachments."""
-        recording = self.out / "run.mcap"
         with contextlib.suppress(OSError):
-            size = recording.stat().st_size
+            size = (self.out / "run.mcap").stat().st_size
             if "attached" not in self.notes and any(self.temporary.glob("stepbus-*")):
                 # They are written before the run makes its private folder.
                 self.notes["attached"] = size
             return bool(size > self.notes.get("attached", 1 << 60) + _STEPPING_BYTES)
         return False
 
-    def see_shared_memory(self) -> None:
-        """Add what shared memory the processes of the run use now."""
-        for process in self.processes():
-            with contextlib.suppress(psutil.Error, OSError):
-                rows = Path(f"/proc/{process.pid}/maps").read_text().splitlines()
-                paths = [Path(row.rpartition(" ")[2]) for row in rows]
-                self.shared.update(p.name for p in paths if p.parent == SHARED_MEMORY)
-
-    def left_shared_memory(self) -> set[str]:
-        """Return what shared memory is left of what was seen; that of others is not ours."""
-        return {name for name in self.shared if (SHARED_MEMORY / name).exists()}
-
     def text(self, name: str) -> str:
         """Return what went to stdout or stderr."""
         path = self.home / name
         return path.read_text(errors="replace") if path.exists() else ""
+
+
+Strike = Callable[[Sandbox, random.Random], None]
+"""Strikes a run; raises Missed where that has ended before."""
 
 
 def _prepare(before: Callable[[], None] | None) -> None:
@@ -154,8 +152,7 @@ def _prepare(before: Callable[[], None] | None) -> None:
 
 
 def _role(process: psutil.Process) -> str:
-    words = process.cmdline()
-    if any(word.endswith("reaper.py") for word in words):
+    if any(word.endswith("reaper.py") for word in process.cmdline()):
         return "reaper"
     tickets = [value for value in process.environ().values() if value.endswith(".ticket")]
     return Path(tickets[0]).stem if tickets else ""
@@ -172,9 +169,7 @@ def sandbox() -> Iterator[Sandbox]:
         yield box
     finally:
         for helper in box.helpers:
-            with contextlib.suppress(ProcessLookupError):
-                helper.send_signal(signal.SIGCONT)
-                helper.kill()
+            helper.kill()
             helper.wait()
         for process in box.processes():
             with contextlib.suppress(psutil.Error):

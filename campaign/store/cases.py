@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import random
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +27,7 @@ Action = dict[str, Any]
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One sale. script: of the plant. killed: a participant; at_step: when. fault: another one."""
+    """One sale. script: of the plant. fault: of `--fault`."""
 
     number: int
     family: str
@@ -34,44 +35,31 @@ class Case:
     seed: int = 0
     order: str = "cola"
     script: Sequence[Action] = field(default_factory=list)
-    killed: str = ""
-    at_step: int = 0
     fault: str = ""
+
+    @property
+    def killed(self) -> str:
+        """Return the participant that is killed; empty: none."""
+        words = self.fault.split()
+        return words[1] if words[:1] == ["kill"] else ""
 
     def __str__(self) -> str:
         """Return the case in words."""
-        what = (
-            f"kill {self.killed} at {self.at_step}"
-            if self.killed
-            else self.fault or "; ".join(map(_flow, self.script[:3])) or "undisturbed"
-        )
+        what = self.fault or "; ".join(map(json.dumps, self.script[:3])) or "undisturbed"
         where = f"{self.scenario}, stock {self.seed}, {self.order}"
         return f"#{self.number} {self.family}: {where}; {what}"
 
     def arguments(self) -> list[str]:
         """Return the arguments of `stepbus run`."""
-        rows = ", ".join(_flow(action) for action in self.script)
         words = [
             self.scenario,
             *("--set", f"plant.params.stock.seed={self.seed}"),
             *("--set", f"mission.params.orders=[{self.order}]"),
-            *("--set", f"plant.params.script=[{rows}]"),
+            # What is JSON is YAML.
+            *("--set", f"plant.params.script={json.dumps(self.script)}"),
         ]
-        if self.killed:
-            return [*words, "--fault", f"kill {self.killed} at {self.at_step}"]
         faults = ["--fault", self.fault] if self.fault else []
-        return [*words, *faults, "--in-process"]
-
-
-def _flow(value: object) -> str:
-    """Return a value as YAML in one line."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_flow(part)}" for key, part in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_flow, value)) + "]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+        return [*words, *faults, *([] if self.killed else ["--in-process"])]
 
 
 def cases(count: int, seed: int) -> list[Case]:
@@ -89,7 +77,8 @@ def cases(count: int, seed: int) -> list[Case]:
 
 def _put(body: str, at: float, x: float, y: float, *, z: float = 0.0, yaw: float = 0.0) -> Action:
     """Return an action; at: its time [s]. x, y, z, yaw: of the body [m, rad]."""
-    action: Action = {"at": f"{max(at, 0.001):.3f}s", "body": body, "position": [x, y, z]}
+    position = [round(part, 5) for part in (x, y, z)]
+    action: Action = {"at": f"{max(at, 0.001):.3f}s", "body": body, "position": position}
     return {**action, "orientation_rpy": [0, 0, yaw]} if yaw else action
 
 
@@ -216,7 +205,7 @@ def _shelf(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _kill(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
-    return {"killed": chance.choice(_KILLABLE), "at_step": chance.randrange(20, 900)}
+    return {"fault": f"kill {chance.choice(_KILLABLE)} at {chance.randrange(20, 900)}"}
 
 
 def _jam(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:

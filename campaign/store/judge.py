@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from .log import SaleLog
-from .physics import Excuses
 
 MOST_FORCE = 50.0
 """Of the robot on anything but the ground [N]."""
@@ -17,6 +17,12 @@ MOST_FORCE = 50.0
 _STEP_S = 0.016
 _AT_REST = 0.02
 """Velocity below which a link or a joint is at rest [m/s, rad/s]."""
+
+_NEAR = 0.05
+"""With locked wheels the base slides 46 mm from 0.6 m/s; what appears nearer may be hit [m]."""
+
+_HIT_FOR_STEPS = 63
+"""How long after it has appeared: 1 s."""
 
 _WORTH_A_WORD = 5.0
 """A touch that lasts longer than `_FOR_STEPS` with more than that is to be reported [N]."""
@@ -34,12 +40,49 @@ _APART = re.compile(_TOUCH.pattern + r"; stopped[^;]*now ([\d.]+) mm from it")
 _SAME_FORCE, _SAME_GAP = 0.051, 2e-3
 """Largest differences between what is reported and what is in the log [N, m]."""
 
-_PLACED = re.compile(r"(\w+): placed ([\d.]+) mm from its spot")
 _SOLD = re.compile(r"^1 +(\w+) +\d+ +(?:-|[\d.]+ mm) +([\d.]+) mm", re.MULTILINE)
 _MOVED = re.compile(r"\b(\w+) was moved by ([\d.]+) mm")
 _GROUND = ("floor",)
 _ROLLING = ("left_wheel_link", "right_wheel_link", "front_caster", "back_caster")
 _PADS = ("left_pad", "right_pad")
+
+
+@dataclass
+class Excuses:
+    """What no robot can avoid: something is put into it, or nearer than it can brake.
+
+    overlaps: the step from which on something is inside the robot, after which no force says
+    anything. hits: link → steps in which it may be hit, with sentences.
+    """
+
+    overlaps: float = math.inf
+    hits: dict[str, range] = field(default_factory=dict)
+    texts: list[str] = field(default_factory=list)
+
+    def covers(self, pair: Sequence[str], step: int) -> bool:
+        """Return whether a force between two links at a step could not be avoided."""
+        return step >= self.overlaps or any(step in self.hits.get(link, ()) for link in pair)
+
+
+def excuses(log: SaleLog, script: Sequence[Mapping[str, Any]]) -> Excuses:
+    """Return what a robot could not avoid; script: actions of the plant."""
+    excused, ours = Excuses(), set(log.names.get("plant/contacts", ()))
+    for action in script:
+        if "body" not in action:
+            continue
+        at = math.ceil(float(str(action["at"]).removesuffix("s")) / _STEP_S - 1e-6)
+        # Put there at the beginning of a step, it is measured at the end of that.
+        rows = (row for row in log.messages.get("plant/contacts", ()) if row[0] > at)
+        step, contacts = next(rows, (0, {"pairs": (), "distance": ()}))
+        for pair, gap in zip(contacts["pairs"], contacts["distance"], strict=True):
+            others = [link for link in pair if log.bodies.get(link) == action["body"]]
+            if gap >= _NEAR or len(others) != 1 or not ours & set(pair):
+                continue
+            excused.hits[others[0]] = range(step, step + _HIT_FOR_STEPS)
+            excused.texts.append(f"{others[0]} appeared {gap * 1e3:.0f} mm from the robot")
+            if gap <= 0.0:
+                excused.overlaps = min(excused.overlaps, step)
+    return excused
 
 
 def judge(
@@ -134,7 +177,7 @@ def _touches(log: SaleLog, result: Mapping[str, Any], excused: Excuses) -> Itera
     for step, pair, force in _robot_contacts(log):
         key = frozenset(pair)
         most[key] = max(most[key], force)
-        thrown = excused.overlaps is not None and step >= excused.overlaps
+        thrown = step >= excused.overlaps
         longest[key] += force > _WORTH_A_WORD and not thrown
     for text in dict.fromkeys(reports):
         for one, other, force in _TOUCH.findall(text):

@@ -13,9 +13,8 @@ from campaign import log_reader
 from campaign.sandbox import STEPBUS
 
 from .cases import Case
-from .judge import judge, largest_force
-from .log import read
-from .physics import excuses
+from .judge import excuses, judge, largest_force
+from .log import decoded
 
 _LONGEST_S = 1200.0
 _PATIENCE = {"spawn_timeout": 120, "join_timeout": 60, "ready_timeout": 120, "step_timeout": 60}
@@ -62,12 +61,14 @@ def _sell(case: Case, out: Path) -> Outcome:
     if result is None or not recording.exists():
         outcome.broken = [f"no recording: {(done.stderr + done.stdout)[-300:]!r}"]
         return outcome
-    log = read(recording)
+    recorded = log_reader.read(recording)
+    log = decoded(recorded)
     outcome.reason, outcome.force = result["reason"], largest_force(log)
     excused = excuses(log, case.script)
     outcome.broken, outcome.excused = judge(log, result, case.killed, excused), excused.texts
     if "Traceback (most recent call last)" in done.stderr + done.stdout:
         outcome.broken.append("a traceback is printed")
-    if log_reader.read(recording).sha256 != result["sha256"]:
+    if recorded.sha256 != result["sha256"]:
         outcome.broken.append("result.json gives another SHA-256 than the recording has")
+    outcome.broken += recorded.holes()
     return outcome

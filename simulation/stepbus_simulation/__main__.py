@@ -14,7 +14,7 @@ from rich.progress import Progress
 import stepbus_orchestrator
 import stepbus_participant
 
-from .campaign import Count, Failure, campaign, commands, execute, fingerprint, shortest
+from .campaign import Count, Failure, campaign, execute, fingerprint, shortest
 from .kinds import KINDS
 from .programs import SCENARIOS
 from .tape import Tape, load_tape
@@ -59,8 +59,8 @@ def _show(tape: Tape) -> int:
     execution, problems = execute(tape, keeps_trace=True)
     print(*execution.world.trace or (), sep="\n")
     print(execution.result or execution.refusal or "no result")
-    for command in commands(execution):
-        print(f"on real processes: {command}")
+    for text in execution.as_options():
+        print(f"on real processes: --fault '{text}'")
     for problem in problems:
         print(f"does not hold: {problem}")
     return 1 if problems else 0
@@ -101,8 +101,8 @@ def _print_failures(total: Count, keep: Path | None) -> int:
     for number, failures in enumerate(by_kind.values()):
         failure = shortest(min(failures, key=lambda one: len(one.tape.faults)))
         print(f"\n{len(failures)} × {failure.problem}\n    run {failure.number}: {failure.tape}")
-        for command in commands(execute(failure.tape)[0]):
-            print(f"    on real processes: {command}")
+        for text in execute(failure.tape)[0].as_options():
+            print(f"    on real processes: --fault '{text}'")
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
             failure.tape.save(keep / f"{number}.json")

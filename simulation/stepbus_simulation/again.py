@@ -55,12 +55,9 @@ class Again(Execution):
         with _hosted(self.host):
             super().run()
 
-    # --- what can be done -----------------------------------------------------------------
-
     def rerun(self) -> str:
         """Run the scenario of the recording again."""
-        again = rerun(self._recording, self.out)
-        return self._unlike(again)
+        return self._unlike(rerun(self._recording, self.out))
 
     def branch(self) -> str:
         """Go on from the midst of the recording, with no change."""
@@ -72,7 +69,8 @@ class Again(Execution):
         That is an error where others lack it, or where it is behind the end that one asks for.
         """
         try:
-            problem = self._branch(recorded_end(Recording(self._recording)))
+            at = recorded_end(Recording(self._recording))
+            problem = self._branch(at)
         except RecordingFailed as exc:
             problem = str(exc)
         allowed = ("complete steps", "the recording continues after that", "would end at step")
@@ -84,15 +82,8 @@ class Again(Execution):
         self.host.is_star = True
         return self._unlike(branch(self._recording, self.out, at=at))
 
-    def replay_plant(self) -> str:
-        """Replay the plant."""
-        return self._replay("plant")
-
-    def replay_controller(self) -> str:
-        """Replay the controller."""
-        return self._replay("controller")
-
-    def _replay(self, name: str) -> str:
+    def replay(self, name: str) -> str:
+        """Replay a participant."""
         self.host.start_order, self.host.is_star = [name], True
         result = replay(self._recording, name, recorded=True)
         return "" if result.equal else f"{name} is not what was recorded: {result.divergence}"
@@ -110,8 +101,8 @@ AGAIN: dict[str, Callable[[Again], str]] = {
     "rerun": Again.rerun,
     "branch": Again.branch,
     "branch late": Again.branch_late,
-    "replay plant": Again.replay_plant,
-    "replay controller": Again.replay_controller,
+    "replay plant": lambda again: again.replay("plant"),
+    "replay controller": lambda again: again.replay("controller"),
 }
 """Name in a tape → what is done; it returns what is wrong, if anything."""
 
@@ -124,8 +115,9 @@ def _hosted(host: SimulatedHost) -> Iterator[None]:
         return run_scenario.run(scenario, dataclasses.replace(options, host=host), *more)
 
     # The package has functions of the same names.
-    modules = (sys.modules[item.__module__] for item in (rerun, branch, replay))
-    of_rerun, of_branch, of_replay = modules
+    of_rerun, of_branch, of_replay = (
+        sys.modules[item.__module__] for item in (rerun, branch, replay)
+    )
     with (
         patch.object(of_rerun, "run", run),
         patch.object(of_branch, "run", run),

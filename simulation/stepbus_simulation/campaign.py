@@ -1,29 +1,72 @@
-"""Many simulated runs: in processes beside each other, counted, and what fails shrunk."""
+"""Many simulated runs: drawn, in processes beside each other, counted, and what fails shrunk."""
 
 import gc
 import os
 import re
 import shutil
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
+from random import Random
+from typing import Any
+from unittest.mock import patch
 
-from stepbus_participant import format_duration
+from stepbus_orchestrator.recording import index
+from stepbus_orchestrator.run import run_scenario
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.resolve import resolved
+from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import reached_marks
 
+from .again import AGAIN
+from .draw import Draw, draw_knobs
 from .execution import Execution
 from .judge import judge
 from .kinds import KINDS, arm
-from .memo import memoized
-from .reference import FOLDER
+from .programs import SCENARIOS
 from .shrink import shrink
-from .swarm import draw_tape
-from .tape import Fault, Tape
+from .tape import FOLDER, ORCHESTRATOR, Fault, Tape
 
 CHUNK = 250
 """Runs that a process does before it says how far it is."""
+
+_ISOLATION = 0.5
+_THEN = [*([""] * 27), *AGAIN]
+_NAMES = {name: list(make()) for name, make in SCENARIOS.items()}
+
+
+def draw_tape(seed: int, number: int) -> Tape:
+    """Return a tape; the same one for the same numbers."""
+    random = Random(f"{seed}/{number}")
+    steps = random.choice([50, 50, 50, 80, 120])
+    kinds = random.sample(list(KINDS), random.choice([1, 1, 2, 3, 5]))
+    needed = [KINDS[kind].needs for kind in kinds if KINDS[kind].needs]
+    name = random.choice(needed or list(SCENARIOS))
+    names, knobs = _NAMES[name], draw_knobs(random)
+    preferred = random.choice(["", random.choice(names)])
+    draw = Draw(random=random, names=names, steps=steps, preferred=preferred, knobs=knobs)
+    count = min(1 + int(random.expovariate(0.7)), 8)
+    faults = tuple(draw_fault(random.choice(kinds), draw) for _ in range(count))
+    if "cut" in kinds and random.random() < _ISOLATION:
+        faults = (*faults, *_isolation(draw))
+    return Tape(name, steps, knobs, faults, random.choice(_THEN))
+
+
+def draw_fault(kind: str, draw: Draw) -> Fault:
+    """Return a fault of a kind."""
+    return Fault(kind, *KINDS[kind].draw(draw))
+
+
+def _isolation(draw: Draw) -> Iterator[Fault]:
+    """Yield what cuts a process off, and heals its links one by one, in a random order."""
+    one, at = draw.name(), draw.time()
+    for other in [*draw.names, ORCHESTRATOR]:
+        if other != one:
+            yield Fault("cut", f"{one}>{other}", at, draw.lasting())
 
 
 @dataclass
@@ -39,30 +82,45 @@ class Failure:
 class Count:
     """What happened in some runs.
 
-    drawn, effective: kind → in how many runs. codes: exit code → runs. codes_of: kind → the exit
-    codes of runs that it struck. marks: that were reached. then: what was done with recordings.
+    effective: kind → runs that it struck. codes: exit code → runs. codes_of: kind → the exit codes
+    of runs that it struck. marks: that were reached. then: what was done with recordings.
     """
 
     runs: int = 0
     simulated_s: float = 0.0
-    drawn: dict[str, int] = field(default_factory=Counter)
-    effective: dict[str, int] = field(default_factory=Counter)
-    codes: dict[str, int] = field(default_factory=Counter)
-    codes_of: dict[str, set[str]] = field(default_factory=dict)
+    effective: Counter[str] = field(default_factory=Counter)
+    codes: Counter[str] = field(default_factory=Counter)
+    codes_of: dict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
     marks: set[str] = field(default_factory=set)
-    then: dict[str, int] = field(default_factory=Counter)
+    then: Counter[str] = field(default_factory=Counter)
     failures: list[Failure] = field(default_factory=list)
 
     def add(self, other: "Count") -> None:
         """Add what happened in other runs."""
         self.runs += other.runs
         self.simulated_s += other.simulated_s
-        for name in ("drawn", "effective", "codes", "then"):
-            setattr(self, name, Counter(getattr(self, name)) + Counter(getattr(other, name)))
+        self.effective.update(other.effective)
+        self.codes.update(other.codes)
+        self.then.update(other.then)
         for kind, codes in other.codes_of.items():
-            self.codes_of.setdefault(kind, set()).update(codes)
+            self.codes_of[kind] |= codes
         self.marks |= other.marks
         self.failures += other.failures
+
+    def add_run(self, number: int, execution: Execution, problems: list[str]) -> None:
+        """Add one run."""
+        self.runs += 1
+        self.simulated_s += execution.world.now_ns * 1e-9
+        code = "refused" if execution.refusal is not None else "killed"
+        if execution.result is not None:
+            code = str(int(execution.result.exit_code))
+        self.codes[code] += 1
+        self.then[execution.tape.then or "nothing"] += 1
+        for kind in {fault.kind for fault in execution.effective}:
+            self.effective[kind] += 1
+            self.codes_of[kind].add(code)
+        if problems:
+            self.failures.append(Failure(number, execution.tape, problems[0]))
 
 
 def execute(tape: Tape, *, keeps_trace: bool = False) -> tuple[Execution, list[str]]:
@@ -71,13 +129,35 @@ def execute(tape: Tape, *, keeps_trace: bool = False) -> tuple[Execution, list[s
     folder = Path(FOLDER) / f"stepbus-sim-{os.getpid():07}"
     folder.mkdir()
     try:
-        with memoized():
+        with _memoized():
             execution = Execution(tape, folder / "run", keeps_trace=keeps_trace)
             arm(execution)
             execution.run()
             return execution, list(judge(execution))
     finally:
         shutil.rmtree(folder)
+
+
+_parse_yaml = cache(parse_yaml)
+_texts: dict[tuple[str, int | None], str] = {}
+
+
+def _resolved_once(scenario: Scenario) -> str:
+    # Knobs are not in it, and faults would strike what is done with the recording.
+    key = scenario.name, scenario.steps
+    if key not in _texts:
+        _texts[key] = resolved(replace(scenario, faults=()))
+    return _texts[key]
+
+
+@contextmanager
+def _memoized() -> Iterator[Any]:
+    """Parse and write each scenario once in this process: it costs a run most."""
+    with (
+        patch.object(index, "parse_yaml", _parse_yaml),
+        patch.object(run_scenario, "resolved", _resolved_once),
+    ):
+        yield
 
 
 def fingerprint(problem: str) -> str:
@@ -89,30 +169,10 @@ def run_numbers(seed: int, first: int, count: int) -> Count:
     """Run the tapes of some numbers."""
     total = Count()
     for number in range(first, first + count):
-        tape = draw_tape(seed, number)
-        execution, problems = execute(tape)
-        struck = {fault.kind for fault in execution.effective}
-        code = _code(execution)
-        one = Count(
-            runs=1,
-            simulated_s=execution.world.now_ns * 1e-9,
-            drawn=dict.fromkeys({fault.kind for fault in tape.faults}, 1),
-            effective=dict.fromkeys(struck, 1),
-            codes={code: 1},
-            codes_of={kind: {code} for kind in struck},
-            then={tape.then or "nothing": 1},
-            failures=[Failure(number, tape, problems[0])] if problems else [],
-        )
-        total.add(one)
+        total.add_run(number, *execute(draw_tape(seed, number)))
     gc.collect()
     total.marks = reached_marks()
     return total
-
-
-def _code(execution: Execution) -> str:
-    if execution.result is not None:
-        return str(int(execution.result.exit_code))
-    return "refused" if execution.refusal is not None else "killed"
 
 
 def campaign(seed: int, runs: int, jobs: int) -> Iterator[Count]:
@@ -124,8 +184,7 @@ def campaign(seed: int, runs: int, jobs: int) -> Iterator[Count]:
             for future in futures:
                 yield future.result()
         finally:
-            for future in futures:
-                future.cancel()
+            pool.shutdown(cancel_futures=True)
 
 
 def shortest(failure: Failure) -> Failure:
@@ -138,25 +197,3 @@ def shortest(failure: Failure) -> Failure:
     tape = shrink(failure.tape, fails)
     problems = [problem for problem in execute(tape)[1] if fingerprint(problem) == kind]
     return Failure(failure.number, tape, (problems or [failure.problem])[0])
-
-
-def real_fault(execution: Execution, fault: Fault) -> str:
-    """Return what strikes real processes like a fault of a tape; empty where nothing does."""
-    # `corrupt` damages the first byte.
-    if fault.kind == "garbage" and fault.amount:
-        return ""
-    template = KINDS[fault.kind].real
-    return template.format(
-        target=fault.target,
-        struck=execution.struck_at.get(fault, 0),
-        step=fault.at - fault.at % execution.every(fault.target) if "{step}" in template else 0,
-        lasting=f" for {format_duration(fault.amount)}" if fault.amount > 0 else "",
-        s=fault.amount / 1e9,
-    )
-
-
-def commands(execution: Execution) -> Iterator[str]:
-    """Yield what strikes real processes as the faults that took effect, as far as it can be had."""
-    for fault in execution.effective:
-        if text := real_fault(execution, fault):
-            yield text

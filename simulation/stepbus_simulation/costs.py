@@ -11,8 +11,7 @@ from typing import Any
 
 from .execution import Execution
 from .programs import SCENARIOS
-from .reference import FOLDER
-from .tape import Knobs, Tape
+from .tape import FOLDER, Knobs, Tape
 
 _KNOBS = {
     "as it is": Knobs(),

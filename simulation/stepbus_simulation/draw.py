@@ -1,4 +1,7 @@
-"""What a fault of a simulated run is drawn from."""
+"""What a tape is drawn from: first which kinds of faults take part, then the faults and the knobs.
+
+`kinds` has how a fault of each kind is drawn.
+"""
 
 from dataclasses import dataclass, field
 from random import Random
@@ -30,10 +33,18 @@ class Draw:
             return self.preferred
         return self.random.choice(self.names)
 
+    def of_step(self) -> tuple[str, int]:
+        """Return a participant and a step, or the closing one."""
+        steps = [self.random.randrange(self.steps), self.steps - 1, self.steps]
+        return self.name(), self.random.choice(steps)
+
+    def of_slow_step(self) -> tuple[str, int, int]:
+        """Return a participant, a step, and how long something lasts [ns]."""
+        return (*self.of_step(), self.lasting())
+
     def link(self) -> str:
         """Return a link from one process to another."""
-        one = self.name()
-        other = self.random.choice([name for name in [*self.names, ORCHESTRATOR] if name != one])
+        one, other = self.link_to_participant().split(">")
         return self.random.choice([f"{one}>{other}", f"{other}>{one}"])
 
     def link_to_participant(self) -> str:
@@ -66,10 +77,25 @@ class Draw:
         """Return how many calls go wrong."""
         return self.random.randrange(1, 4)
 
-    def step(self) -> int:
-        """Return a step, or the closing one."""
-        return self.random.choice([self.random.randrange(self.steps), self.steps - 1, self.steps])
-
     def message(self) -> int:
         """Return the number of a message of a link."""
         return self.random.randrange(2 * self.steps)
+
+
+def draw_knobs(random: Random) -> Knobs:
+    """Return knobs, each at its default or at what shows more."""
+    defaults = Knobs()
+    return Knobs(
+        window=random.choice([1, 2, 3, 8, 64]),
+        batch=random.choice([0, 0, 1]),
+        spawn_ms=random.choice([defaults.spawn_ms, 1_000]),
+        join_ms=random.choice([defaults.join_ms, 1_000]),
+        ready_ms=random.choice([defaults.ready_ms, 1_000]),
+        step_ms=random.choice([defaults.step_ms, 300, 1_000]),
+        stop_ms=random.choice([defaults.stop_ms, 500]),
+        compute_us=random.choice([0, 0, 100, 2_000, 10_000]),
+        link_us=random.choice([30, 30, 1, 1_000]),
+        buffer_bytes=random.choice([200_000, 20_000, 5_000]),
+        chunk_bytes=random.choice([defaults.chunk_bytes, 2_000, 10_000]),
+        heal_ms=random.choice([0, 0, 300, 2_000]),
+    )

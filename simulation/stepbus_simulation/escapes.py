@@ -5,6 +5,7 @@ import hashlib
 import io
 import os
 import random
+import resource
 import secrets
 import socket
 import subprocess
@@ -14,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import count
 from typing import Any
-from unittest.mock import patch
+from unittest.mock import Mock, patch
 
 
 class Escape(BaseException):
@@ -83,6 +84,7 @@ def no_escapes(*, writes_files: bool = False) -> Iterator[None]:
             what = f"{getattr(owner, '__name__', owner)}.{name}"
             stack.enter_context(patch.object(owner, name, _refuse(what)))
         stack.enter_context(patch.object(secrets, "token_hex", token_hex))
+        stack.enter_context(patch.object(resource, "prlimit", Mock()))
         if not writes_files:
             stack.enter_context(patch.object(builtins, "open", _read_only))
             stack.enter_context(patch.object(io, "open", _read_only))

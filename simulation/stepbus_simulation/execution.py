@@ -1,6 +1,7 @@
 """Runs a tape: the production code, on a simulated host, with what goes wrong."""
 
 import contextlib
+import dataclasses
 import io
 import signal
 import threading
@@ -14,12 +15,16 @@ from unittest.mock import patch
 from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.extensions.faults import Faults
 from stepbus_orchestrator.run.extensions.safe_stop import SafeStop
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_participant import Participant
+from stepbus_orchestrator.scenario.fault_texts import FAULT_TYPES, MESSAGE_FAULTS, format_fault
+from stepbus_orchestrator.scenario.model import FaultSpec
+from stepbus_participant import MessageFault, Participant
+from stepbus_participant.session.faulty import FaultyPublisher
 from stepbus_schemas import StepbusError
 
 from .disk import SimulatedDisk
@@ -44,8 +49,8 @@ class Execution:
 
     result: of the run; None where there is none. refusal: the error that it raised instead, one of
     ours. crash: the traceback of any other. late: what had not ended in time. effective: the
-    faults that have struck. struck_at: the step that each struck in. lasting_ns: how much later
-    its faults may make its end. watch: of the recording.
+    faults that have struck. lasting_ns: how much later its faults may make its end. watch: of the
+    recording. writes_files: whether it may write files beside the simulated disk.
     """
 
     writes_files = False
@@ -54,9 +59,7 @@ class Execution:
         self.tape = tape
         self.out = out
         self.world = World(keeps_trace=keeps_trace)
-        self.network = Network(self.world)
-        self.network.delay_ns = 1000 * tape.knobs.link_us
-        self.network.buffer_bytes = tape.knobs.buffer_bytes
+        self.network = Network(self.world, tape.knobs)
         self.network.on_link = self._link_is_made
         self.network.alter = self._altered
         self.orchestrator = Process(self.world, ORCHESTRATOR, self._orchestrate)
@@ -68,9 +71,7 @@ class Execution:
         self.crash = ""
         self.late: list[str] = []
         self.effective: list[Fault] = []
-        self.struck_at: dict[Fault, int] = {}
         self.watch = _Watch()
-        self.printed = io.StringIO()
         self.is_healed = False
         self.lasting_ns = 0
         self._limit_ns = 0
@@ -79,21 +80,22 @@ class Execution:
         self._on_start: dict[str, list[Callable[[Process], None]]] = defaultdict(list)
         self.host.started = self._started
         self._in_step: dict[tuple[str, int], list[Callable[[], None]]] = defaultdict(list)
+        self._injected = {
+            self._fault_of(fault): fault for fault in tape.faults if fault.kind in FAULT_TYPES
+        }
         self._alter: dict[tuple[str, str], list[Callable[[bytes], list[bytes]]]] = defaultdict(list)
 
     # --- what the kinds of faults use -------------------------------------------------------
-
-    @property
-    def is_recorded(self) -> bool:
-        """Return whether the run has begun to close its recording."""
-        return self.watch.is_recorded
 
     def struck(self, fault: Fault) -> None:
         """Note that a fault has taken effect."""
         if fault not in self.effective:
             self.effective.append(fault)
-            self.struck_at[fault] = self.watch.step
             self.world.note(f"struck: {fault}")
+
+    def as_options(self) -> list[str]:
+        """Return the faults that have struck as texts of `--fault`, as far as it has them."""
+        return [format_fault(item) for item, own in self._injected.items() if own in self.effective]
 
     def process(self, name: str) -> Process | None:
         """Return a process that has been started."""
@@ -132,6 +134,38 @@ class Execution:
         self._alter[name, what].append(act)
 
     # --- how they take effect ---------------------------------------------------------------
+
+    def _fault_of(self, fault: Fault) -> FaultSpec:
+        """Return a fault of the tape as one of `--fault`."""
+        step = min(fault.at, self.tape.steps - 1)
+        if fault.kind in MESSAGE_FAULTS:
+            step -= step % self.every(fault.target)
+        lasts_ns = fault.amount or None
+        return FaultSpec(type=fault.kind, participant=fault.target, step=step, duration_ns=lasts_ns)
+
+    def _injecting(self, inject: Callable[..., None]) -> Callable[..., None]:
+        """Return how the run injects a fault into a process: not where all is healed."""
+
+        def injecting(faults: Faults, fault: FaultSpec, process: Any) -> None:
+            if not self.is_healed:
+                self.struck(self._injected[fault])
+                inject(faults, fault, process)
+
+        return injecting
+
+    def _publishing(self, apply: Callable[..., list[bytes]]) -> Callable[..., list[bytes]]:
+        """Return how a participant injects one into its messages: not where all is healed."""
+
+        def applying(put: Any, fault: MessageFault, messages: list[bytes]) -> list[bytes]:
+            if self.is_healed:
+                return messages
+            for spec, own in self._injected.items():
+                name = self.world.current().name
+                if (spec.type, spec.participant, spec.step) == (fault.type, name, fault.step):
+                    self.struck(own)
+            return apply(put, fault, messages)
+
+        return applying
 
     def _link_is_made(self, link: Link) -> None:
         for act in self._on_link[f"{link.source.process.name}>{link.target.process.name}"]:
@@ -176,9 +210,9 @@ class Execution:
         calls = [call for call in CALLS.get(tape.scenario, ()) if call.step < tape.steps]
         options = Options(out=self.out, host=self.host, extensions=[Calls(calls), self.watch])
         try:
-            self.result = run(
-                scenario(tape.scenario, tape.steps, tape.knobs), options, None, self.interrupt
-            )
+            made = scenario(tape.scenario, tape.steps, tape.knobs)
+            made = dataclasses.replace(made, faults=tuple(self._injected))
+            self.result = run(made, options, None, self.interrupt)
         except StepbusError as exc:
             self.refusal = exc
         except (Exception, Escape):  # noqa: BLE001  the judge says so
@@ -189,8 +223,10 @@ class Execution:
         """Run it until all processes have ended, or should have."""
         scenario(self.tape.scenario, self.tape.steps, self.tape.knobs)  # reads files
         with (
-            contextlib.redirect_stderr(self.printed),
+            contextlib.redirect_stderr(io.StringIO()),
             patch.object(McapFile, "chunk_bytes", self.tape.knobs.chunk_bytes),
+            patch.object(FaultyPublisher, "_apply", self._publishing(FaultyPublisher._apply)),
+            patch.object(Faults, "_inject", self._injecting(Faults._inject)),
             no_escapes(writes_files=self.writes_files),
             _real_time_limit(),
         ):
@@ -297,11 +333,6 @@ class _Watch(RunExtension):
         extensions = () if self._run is None else self._run.extensions
         steps = (item.replaced_steps for item in extensions if isinstance(item, SafeStop))
         return next(steps, (0, 0))
-
-    @property
-    def step(self) -> int:
-        """Return the step that is not complete yet."""
-        return 0 if self._run is None else self._run.state.barrier.completed
 
     def attach(self, run: RunView) -> None:
         """Follow the recorder."""

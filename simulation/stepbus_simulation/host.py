@@ -60,7 +60,7 @@ class SimulatedParticipant(RunProcess):
         if number == signal.SIGSTOP:
             self.process.freeze()
         elif number == signal.SIGCONT:
-            self.process.thaw()
+            self.process.world.after(0, self.process.thaw)
         elif number == signal.SIGKILL or not self.process.is_frozen:
             self.process.kill(-number)
 
@@ -180,7 +180,6 @@ class _Launch(Strategy):
 
         process = Process(host.world, name, work)
         participant = SimulatedParticipant(process, pid, self._run.out / "logs" / f"{name}.log")
-        process.print = participant
         host.participants[name] = participant
         process.start(host.start_ns.get(name, _START_NS))
         return participant

@@ -3,9 +3,9 @@
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-from mcap.exceptions import McapError
+from campaign import log_reader
+from campaign.log_reader import Log, Row
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import layout, recover
@@ -15,10 +15,9 @@ from stepbus_schemas import StepbusError
 
 from .again import Again
 from .execution import Execution
-from .judge_messages import judge_incomplete, judge_messages, on_disk
+from .judge_messages import Reference, judge_incomplete, judge_messages, on_disk, reference
 from .kinds import CRASHES, KINDS, UNSEEN, culprits, lasting_ns
 from .programs import STEP_NS, scenario
-from .reference import FOLDER, Reference, Row, metadata_of, reference, rows_of
 from .tape import MS, ORCHESTRATOR, Fault, Knobs
 from .world import NS
 
@@ -41,7 +40,10 @@ def judge(execution: Execution) -> Iterator[str]:
         return
     yield from _judge_verdict(execution)
     yield from _judge_recording(execution)
-    yield from _judge_files(execution)
+    if execution.out.exists():
+        left = {path.name for path in execution.out.iterdir()} - _FILES
+        if left:
+            yield f"left behind: {', '.join(sorted(left))}"
 
 
 # --- the verdict ------------------------------------------------------------------------------
@@ -58,7 +60,6 @@ def _harmful(execution: Execution) -> list[Fault]:
 def _judge_verdict(execution: Execution) -> Iterator[str]:
     harmful = _harmful(execution)
     participants = scenario(execution.tape.scenario, execution.tape.steps, Knobs()).participants
-
     names = [spec.name for spec in participants]
 
     def readers(name: str) -> set[str]:
@@ -71,7 +72,6 @@ def _judge_verdict(execution: Execution) -> Iterator[str]:
     allowed = {ExitCode.FINISHED, *(code for f in harmful for code in KINDS[f.kind].codes)}
     if any(_is_behind_end(execution, fault) for fault in harmful):
         allowed.add(ExitCode.DIED)
-    blamed = {name for fault in harmful for name in culprits(fault, names, readers)}
     if execution.refusal is not None:
         code = getattr(execution.refusal, "code", None)
         if code not in allowed:
@@ -88,6 +88,7 @@ def _judge_verdict(execution: Execution) -> Iterator[str]:
     elif result.exit_code == 0 and any(KINDS[fault.kind].is_fatal for fault in harmful):
         yield f"finished, in spite of {', '.join(map(str, harmful))}"
     yield from _judge_step(execution, result, harmful)
+    blamed = {name for fault in harmful for name in culprits(fault, names, readers)}
     if result.participant is not None and result.participant not in blamed:
         yield f"{result.participant} is blamed, not one of {sorted(blamed)}: {result.reason}"
 
@@ -119,57 +120,54 @@ def _judge_step(execution: Execution, result: Result, harmful: Sequence[Fault]) 
 
 
 def _judge_recording(execution: Execution) -> Iterator[str]:
-    path = execution.out / "run.mcap"
+    path, result = execution.out / "run.mcap", execution.result
     if not path.exists():
-        if not any(KINDS[f.kind].codes == {ExitCode.RECORDING} for f in execution.effective):
+        if not on_disk(execution):
             yield "there is no recording"
         return
-    result = execution.result
-    with TemporaryDirectory(dir=FOLDER) as folder:
-        saved = Path(folder) / "saved.mcap"
-        try:
-            rows = rows_of(path)
-        except (McapError, EOFError, ValueError) as exc:
-            if result is not None and not on_disk(execution):
-                yield f"the recording cannot be read: {exc!r}"
-            rows = None
-        try:
-            recovery = recover(path, saved)
-        except StepbusError as exc:
-            if not on_disk(execution):
-                yield f"cannot be recovered: {exc}"
-            return
-        kept = rows_of(saved)
-        incomplete = metadata_of(saved).get(layout.INCOMPLETE_METADATA, {})
-        is_whole = rows is not None and not recovery.damage
-        has_our_chunks = execution.tape.knobs.chunk_bytes == Knobs().chunk_bytes
-        if is_whole and has_our_chunks and saved.read_bytes() != path.read_bytes():
-            yield "recover has made something else of a whole recording"
-    yield from _judge_recovery(execution, recovery, kept, has_incomplete=bool(incomplete))
-    if rows is not None and kept != rows:
-        yield f"recover kept {len(kept)} messages of {len(rows)}"
-    yield from judge_messages(execution, kept)
-    yield from judge_incomplete(execution, kept, incomplete)
-    yield from _judge_safe_stop(execution, kept)
-    if execution.tape.then and not execution.watch.replaced:
-        yield from _judge_again(execution, kept)
-
-
-def _judge_recovery(
-    execution: Execution, recovery: Recovery, kept: Sequence[Row], *, has_incomplete: bool
-) -> Iterator[str]:
-    """Yield where `recover` says something else than what it has kept."""
-    if not kept:
+    log = log_reader.read(path)
+    if log.damage and result is not None and not on_disk(execution):
+        yield f"the recording cannot be read: {log.damage}"
+    try:
+        recovery, kept = _recovered(path)
+    except StepbusError as exc:
+        if not on_disk(execution):
+            yield f"cannot be recovered: {exc}"
         return
-    last = max(row.step for row in kept)
+    has_our_chunks = execution.tape.knobs.chunk_bytes == Knobs().chunk_bytes
+    if not (log.damage or recovery.damage) and has_our_chunks and kept.sha256 != log.sha256:
+        yield "recover has made something else of a whole recording"
+    yield from _judge_recovery(execution, recovery, kept)
+    if not log.damage and kept.rows != log.rows:
+        yield f"recover kept {len(kept.rows)} messages of {len(log.rows)}"
+    yield from judge_messages(execution, kept)
+    yield from judge_incomplete(execution, kept)
+    yield from _judge_safe_stop(execution, kept.rows)
+    if execution.tape.then and not execution.watch.replaced:
+        yield from _judge_again(execution, kept.rows)
+
+
+def _recovered(path: Path) -> tuple[Recovery, Log]:
+    """Return what `recover` says of a recording, and what the file that it makes holds."""
+    saved = path.parent.with_name("saved.mcap")
+    recovery = recover(path, saved)
+    return recovery, log_reader.read(saved)
+
+
+def _judge_recovery(execution: Execution, recovery: Recovery, kept: Log) -> Iterator[str]:
+    """Yield where `recover` says something else than what it has kept."""
+    if not kept.rows:
+        return
+    last = kept.last_step
     said = recovery.messages, recovery.last_step, recovery.planned_steps
-    if said != (len(kept), last, execution.tape.steps):
-        yield f"recover says {said}, and has kept {len(kept)} messages up to step {last}"
+    if said != (len(kept.rows), last, execution.tape.steps):
+        yield f"recover says {said}, and has kept {len(kept.rows)} messages up to step {last}"
     if recovery.holes:
         yield f"there is a hole: {'; '.join(recovery.holes)}"
-    # What each process runs on; that one was replaced, or what lacks.
+    # What each process runs on; its faults; that one was replaced, or what lacks.
+    noted = {layout.FAULTS_METADATA, layout.INCOMPLETE_METADATA} & kept.metadata.keys()
     names = execution.watch.state.participants
-    count = 1 + len(names) + bool(execution.watch.replaced) + has_incomplete
+    count = 1 + len(names) + bool(execution.watch.replaced) + len(noted)
     if recovery.attachments != 1 or not count - 1 <= recovery.metadata <= count:
         yield f"recover kept {recovery.attachments} attachments, {recovery.metadata} metadata"
     is_torn = any(fault.kind == "power" for fault in execution.effective)
@@ -188,7 +186,7 @@ def _judge_recovery(
 
 def _ports(truth: Reference) -> set[str]:
     """Return the topics of participants."""
-    return truth.by_topic.keys() - {layout.CHAIN_TOPIC, layout.CALLS_TOPIC}
+    return truth.by_topic.keys() - {log_reader.CHAIN, log_reader.CALLS}
 
 
 def _judge_safe_stop(execution: Execution, kept: Sequence[Row]) -> Iterator[str]:
@@ -215,7 +213,7 @@ def _judge_again(execution: Execution, kept: Sequence[Row]) -> Iterator[str]:
     tape = execution.tape
     truth = reference(tape.scenario, tape.steps)
     # Of each port all that is recorded is there, up to its last message; see above.
-    lasts = {row.topic: row.step for row in kept if row.topic != layout.CHAIN_TOPIC}
+    lasts = {row.topic: row.step for row in kept if row.topic != log_reader.CHAIN}
     complete = min(lasts.get(topic, -1) for topic in _ports(truth))
     if complete < 2:
         return
@@ -230,10 +228,10 @@ def _judge_again(execution: Execution, kept: Sequence[Row]) -> Iterator[str]:
     if again.new is None:
         return
     # A call that was not made is not repeated.
-    made = sum(row.topic == layout.CALLS_TOPIC for row in kept)
-    calls = [row.step for row in truth.by_topic.get(layout.CALLS_TOPIC, ())]
+    made = sum(row.topic == log_reader.CALLS for row in kept)
+    calls = [row.step for row in truth.by_topic.get(log_reader.CALLS, ())]
     end = calls[made] if made < len(calls) else tape.steps + 1
-    if [row for row in rows_of(again.new) if row.step < end] != [
+    if [row for row in log_reader.read(again.new).rows if row.step < end] != [
         row for row in truth.rows if row.step < end
     ]:
         yield f"{tape.then}: what it has recorded is not the reference"
@@ -241,42 +239,30 @@ def _judge_again(execution: Execution, kept: Sequence[Row]) -> Iterator[str]:
 
 def _judge_crash(execution: Execution) -> Iterator[str]:
     """Yield what is wrong behind an orchestrator that was killed."""
-    path = execution.out / "run.mcap"
+    path, watch = execution.out / "run.mcap", execution.watch
     if not path.exists():
         return
-    killed_ns = execution.orchestrator.ended_ns
-    with TemporaryDirectory(dir=FOLDER) as folder:
-        saved = Path(folder) / "saved.mcap"
-        try:
-            recovery = recover(path, saved)
-            rows = rows_of(saved)
-            has_incomplete = layout.INCOMPLETE_METADATA in metadata_of(saved)
-        except StepbusError as exc:
-            if "nothing to recover" not in str(exc) or execution.watch.written:
-                yield f"cannot be recovered: {exc}"
-            return
-    yield from _judge_recovery(execution, recovery, rows, has_incomplete=has_incomplete)
-    yield from judge_messages(execution, rows)
-    newest = max((row.step for row in rows), default=-1)
+    try:
+        recovery, log = _recovered(path)
+    except StepbusError as exc:
+        if "nothing to recover" not in str(exc) or watch.written:
+            yield f"cannot be recovered: {exc}"
+        return
+    yield from _judge_recovery(execution, recovery, log)
+    yield from judge_messages(execution, log)
+    newest = log.last_step
     if all(fault.kind in CRASHES for fault in execution.effective):
-        tape = execution.tape
-        own = [row for row in rows if row.step == newest and row.topic != layout.CHAIN_TOPIC]
-        whole = [row for row in reference(tape.scenario, tape.steps).rows if row.step == newest]
-        if own != [row for row in whole if row.topic != layout.CHAIN_TOPIC]:
+        truth = reference(execution.tape.scenario, execution.tape.steps).rows
+        own, whole = (
+            [row for row in rows if row.step == newest and row.topic != log_reader.CHAIN]
+            for rows in (log.rows, truth)
+        )
+        if own != whole:
             yield f"step {newest} was saved in part: {', '.join(row.topic for row in own)}"
     # A write that is torn can take with it all that it replaces, up to a chunk.
-    torn = any(fault.kind == "power" for fault in execution.effective)
-    due = [step for at_ns, step in execution.watch.written if at_ns < killed_ns - _LOSS_NS]
-    slept = any(fault.kind in ("sleep", "suspend") for fault in execution.effective)
-    if not (on_disk(execution) or slept or torn) and newest < max(due, default=0) - 1:
+    excused = ("power", "sleep", "suspend")
+    killed_ns = execution.orchestrator.ended_ns
+    due = [step for at_ns, step in watch.written if at_ns < killed_ns - _LOSS_NS]
+    is_excused = on_disk(execution) or any(f.kind in excused for f in execution.effective)
+    if not is_excused and newest < max(due, default=0) - 1:
         yield f"step {newest} is the last that was saved; {max(due)} was complete 0.3 s before"
-
-
-# --- what is left -----------------------------------------------------------------------------
-
-
-def _judge_files(execution: Execution) -> Iterator[str]:
-    if execution.out.exists():
-        left = {path.name for path in execution.out.iterdir()} - _FILES
-        if left:
-            yield f"left behind: {', '.join(sorted(left))}"

@@ -2,8 +2,13 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
-import msgspec
+from campaign import log_reader
+from campaign.log_reader import CALLS, CHAIN, Log, Row
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import layout
@@ -11,31 +16,57 @@ from stepbus_schemas import CHAIN_EVERY
 
 from .execution import Execution
 from .kinds import KINDS
-from .reference import Row, reference
+from .tape import FOLDER, Tape
 
 
-def judge_messages(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
+class Reference(NamedTuple):
+    """An undisturbed run. rows: what it has recorded. places: topic → its rank within a step."""
+
+    rows: Sequence[Row]
+    by_topic: Mapping[str, Sequence[Row]]
+    places: Mapping[str, int]
+
+
+@cache
+def reference(name: str, steps: int) -> Reference:
+    """Return the undisturbed run of a scenario."""
+    with TemporaryDirectory(dir=FOLDER) as folder:
+        execution = Execution(Tape(name, steps), Path(folder) / "run")
+        execution.run()
+        result = execution.result
+        assert result is not None, execution.crash
+        assert result.exit_code == 0, result.reason
+        log = log_reader.read(Path(folder) / "run" / "run.mcap")
+    assert not log.damage, log.damage
+    by_topic: dict[str, list[Row]] = {}
+    for row in log.rows:
+        by_topic.setdefault(row.topic, []).append(row)
+    # A call precedes the outputs of its step.
+    topics = sorted(by_topic, key=CALLS.__ne__)
+    places = {topic: place for place, topic in enumerate(topics)}
+    return Reference(log.rows, by_topic, places)
+
+
+def judge_messages(execution: Execution, log: Log) -> Iterator[str]:
     """Yield what does not hold of the messages of a recording, in their order."""
-    yield from _judge_rows(execution, rows)
-    yield from _judge_chains(execution, rows)
-    yield from _judge_last_outputs(execution, rows)
+    yield from _judge_rows(execution, log.rows)
+    yield from _judge_chains(execution, log)
+    yield from _judge_last_outputs(execution, log.rows)
 
 
-def judge_incomplete(
-    execution: Execution, rows: Sequence[Row], incomplete: Mapping[str, str]
-) -> Iterator[str]:
+def judge_incomplete(execution: Execution, log: Log) -> Iterator[str]:
     """Yield where a run that failed says otherwise than its messages what is not recorded.
 
     Each participant has one port.
     """
-    tape = execution.tape
-    if rows and not execution.is_recorded and not incomplete and not on_disk(execution):
+    tape, incomplete = execution.tape, log.metadata.get(layout.INCOMPLETE_METADATA, {})
+    if log.rows and not (execution.watch.is_recorded or incomplete or on_disk(execution)):
         yield "the recording of a run that failed does not say what lacks"
     if execution.watch.replaced:
         return
     truth = reference(tape.scenario, tape.steps).rows
     for name, step in incomplete.items():
-        recorded = [row.step for row in rows if row.topic.startswith(f"{name}/")]
+        recorded = [row.step for row in log.rows if row.topic.startswith(f"{name}/")]
         own = [row.step for row in truth if row.topic.startswith(f"{name}/")]
         # Where the run was to end early, some were ahead.
         known = [item for item in recorded if item <= own[-1]]
@@ -71,7 +102,7 @@ def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
         # The hash chain of a cut recording ends with what is there; behind the end that one asked
         # for, some are ahead.
         is_ahead = ends_early and row.step >= truth.rows[-1].step
-        if row.step >= first_held or is_ahead or row.topic == layout.CHAIN_TOPIC:
+        if row.step >= first_held or is_ahead or row.topic == CHAIN:
             continue
         expected = truth.by_topic.get(row.topic, [])
         number = counts.get(row.topic, 0)
@@ -105,30 +136,19 @@ def _judge_last_outputs(execution: Execution, rows: Sequence[Row]) -> Iterator[s
             yield f"{name} had reported step {step}, and is recorded up to {newest.get(name)}"
 
 
-def _judge_chains(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield where a hash chain is not what P13.3 says, computed here anew.
+def _judge_chains(execution: Execution, log: Log) -> Iterator[str]:
+    """Yield where a hash chain is not what P13.3 says.
 
-    Each participant has one port. One that is blamed may have published what cannot be recorded.
+    One that is blamed may have published what cannot be recorded.
     """
     result = execution.result
     blamed = {None if result is None else result.participant, *_broken(execution)}
-    values: dict[str, bytes] = {}
-    last = max((row.step for row in rows), default=-1)
-    for row in rows:
-        name, _, port = row.topic.partition("/")
-        if row.topic == layout.CALLS_TOPIC:
-            continue
-        if row.topic != layout.CHAIN_TOPIC:
-            head = values.get(name, bytes(32)) + row.step.to_bytes(8, "little", signed=True)
-            parts = head + port.encode() + row.content
-            values[name] = hashlib.sha256(parts).digest()
-            continue
-        if (row.step + 1) % CHAIN_EVERY and row.step != last:
-            yield f"there is a chain at step {row.step}"
-        for one, value in msgspec.msgpack.decode(row.content)["hashes"].items():
-            if one not in blamed and value != values.get(one, bytes(32)).hex():
-                yield f"the chain of {one} is wrong at step {row.step}"
-    chains = {row.step for row in rows if row.topic == layout.CHAIN_TOPIC}
-    for step in range(CHAIN_EVERY - 1, last, CHAIN_EVERY):
-        if step not in chains:
-            yield f"there is no chain at step {step}"
+    for name, step in log.breaks():
+        if name not in blamed:
+            yield f"the chain of {name} is wrong at step {step}"
+    chains = {row.step for row in log.rows if row.topic == CHAIN}
+    due = set(range(CHAIN_EVERY - 1, log.last_step, CHAIN_EVERY))
+    for step in sorted(due - chains):
+        yield f"there is no chain at step {step}"
+    for step in sorted(chains - due - {log.last_step}):
+        yield f"there is a chain at step {step}"

@@ -13,17 +13,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from queue import Empty
-from typing import Any
+from typing import Any, Literal
 
 from stepbus_participant import BusError, Clock, Queue, Sample
 
+from .tape import Knobs
 from .world import NS, Process, SimulatedQueue, World
 
-BUFFER_BYTES = 200_000
-"""What a link holds for a process that reads nothing [bytes]: some 250 messages."""
 _MESSAGE_BYTES = 800
 """What a message takes of that beside its content [bytes]."""
-DELAY_NS = 30_000
+_Role = Literal["subscriber", "answerer", "watcher"]
 
 
 @dataclass
@@ -36,9 +35,9 @@ class Link:
 
     source: Node
     target: Node
+    delay_ns: int
     up_ns: int = 0
     is_cut: bool = False
-    delay_ns: int = DELAY_NS
     changes: dict[int, tuple[str, int]] = field(default_factory=dict)
     struck: dict[int, Callable[[], None]] = field(default_factory=dict)
     count: int = 0
@@ -84,16 +83,16 @@ class Link:
 
 
 class Network:
-    """All nodes of a run, and the links between them."""
+    """All nodes of a run, and the links between them; knobs: their delay and buffer."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, knobs: Knobs) -> None:
         self.world = world
         self.nodes: dict[str, Node] = {}
         self.links: dict[tuple[str, str], Link] = {}
         self.changes = 0
         """Grows with each change of who reads what."""
-        self.delay_ns = DELAY_NS
-        self.buffer_bytes = BUFFER_BYTES
+        self.delay_ns = 1000 * knobs.link_us
+        self.buffer_bytes = knobs.buffer_bytes
         self.up_ns: dict[frozenset[str], int] = {}
         self.on_link: Callable[[Link], None] = lambda _link: None
         self.alter: Callable[[str, str, bytes], list[bytes]] = lambda _name, _key, data: [data]
@@ -101,12 +100,9 @@ class Network:
     def link(self, source: Node, target: Node) -> Link:
         """Return the link from one node to another."""
         key = source.process.name, target.process.name
-        if (
-            key not in self.links
-            or self.links[key].target is not target
-            or self.links[key].source is not source
-        ):
-            self.links[key] = Link(source, target, delay_ns=self.delay_ns)
+        link = self.links.get(key)
+        if link is None or link.target is not target or link.source is not source:
+            self.links[key] = Link(source, target, self.delay_ns)
             self.on_link(self.links[key])
         return self.links[key]
 
@@ -123,8 +119,7 @@ class Network:
 
     def connect(self, one: str, other: str, *, is_up: bool) -> bool:
         """Open or close the connection of two processes; return whether there was one."""
-        nodes = [self.nodes.get(name) for name in (one, other)]
-        left, right = nodes
+        left, right = self.nodes.get(one), self.nodes.get(other)
         if left is None or right is None or not (left.is_open and right.is_open):
             return False
         for here, there in ((left, right), (right, left)):
@@ -143,9 +138,7 @@ class Node:
         self.network = network
         self.process = process
         self.is_leaf, self.is_center = is_leaf, is_center
-        self.subscribers: list[tuple[str, Callable[[Sample], None]]] = []
-        self.answerers: list[tuple[str, Callable[[Any], None]]] = []
-        self.watchers: list[tuple[str, Callable[[str, bool], None]]] = []
+        self.declared: list[tuple[_Role, str, Callable[..., None]]] = []
         self.tokens: list[str] = []
         self.is_open = True
         self._is_blocked = False
@@ -182,30 +175,31 @@ class Node:
         world.after(period_ns, tick)
         return end
 
+    def sinks(self, role: _Role, key: str) -> list[Callable[..., None]]:
+        """Return what it has declared in a role for a key."""
+        return [
+            sink for own, wanted, sink in self.declared if own == role and _matches(wanted, key)
+        ]
+
     def _readers(self, key: str, *, remote: bool) -> list[Node]:
         """Return the nodes that subscribe to a key."""
         if self._seen != self.network.changes:
             self._seen = self.network.changes
             self._by_key.clear()
         if (key, remote) not in self._by_key:
-            self._by_key[key, remote] = [
-                node
-                for node in self._targets(remote=remote)
-                if any(_matches(wanted, key) for wanted, _ in node.subscribers)
-            ]
+            nodes = self._targets(remote=remote)
+            self._by_key[key, remote] = [node for node in nodes if node.sinks("subscriber", key)]
         return list(self._by_key[key, remote])
 
     def _targets(self, *, remote: bool = False) -> Iterator[Node]:
         for node in list(self.network.nodes.values()):
-            if not node.is_open or (remote and node is self):
+            if node is self:
+                if self.is_open and not remote:
+                    yield self
                 continue
-            if (
-                node is not self
-                and (self.is_leaf or node.is_leaf)
-                and not (self.is_center or node.is_center)
-            ):
-                continue
-            yield node
+            has_link = not (self.is_leaf or node.is_leaf) or self.is_center or node.is_center
+            if node.is_open and has_link:
+                yield node
 
     def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
         """Return a function that publishes bytes; it blocks where a reader reads nothing."""
@@ -243,15 +237,17 @@ class Node:
     def take(self, sample: Sample) -> None:
         """Hand a sample to the subscribers."""
         if self.is_open:
-            for wanted, sink in list(self.subscribers):
-                if wanted == sample.key or _matches(wanted, sample.key):
-                    sink(sample)
+            for sink in self.sinks("subscriber", sample.key):
+                sink(sample)
+
+    def _declare(self, role: _Role, key: str, sink: Callable[..., None]) -> None:
+        self.process.call()
+        self.declared.append((role, key, sink))
+        self.network.changes += 1
 
     def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
         """Call `sink` with each sample on a key."""
-        self.process.call()
-        self.subscribers.append((key, sink))
-        self.network.changes += 1
+        self._declare("subscriber", key, sink)
 
     def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
         """Call `sink` with the content of each sample on a key."""
@@ -264,10 +260,9 @@ class Node:
         asked = 0
         (data,) = self.network.alter(self.process.name, key, bytes(data))
         for node in self._targets(remote=True):
-            for wanted, sink in node.answerers:
-                if _matches(wanted, key):
-                    request = _Request(self, node, bytes(data), replies)
-                    asked += self._send(node, len(data), partial(sink, request))
+            for sink in node.sinks("answerer", key):
+                request = _Request(self, node, bytes(data), replies)
+                asked += self._send(node, len(data), partial(sink, request))
         until_ns = self.network.world.now_ns + int(timeout_s * NS)
         for _ in range(asked):
             left_s = (until_ns - self.network.world.now_ns) / NS
@@ -278,7 +273,7 @@ class Node:
 
     def answer(self, key: str, sink: Callable[[Any], None]) -> None:
         """Call `sink` with each query on a key."""
-        self.answerers.append((key, sink))
+        self._declare("answerer", key, sink)
 
     def declare_alive(self, key: str) -> None:
         """Declare a token, which lasts until the node closes."""
@@ -288,26 +283,24 @@ class Node:
 
     def _tell(self, key: str, alive: bool) -> None:
         for node in self._targets():
-            for wanted, sink in list(node.watchers):
-                if _matches(wanted, key):
-                    if node is self:
-                        sink(key, alive)
-                    else:
-                        self._tell_over_link(node, sink, key, alive)
+            for sink in node.sinks("watcher", key):
+                self._tell_one(node, sink, key, alive)
 
     def hear(self, token: str, *, is_alive: bool) -> None:
         """Take that a token of another process has come or gone."""
 
         def tell() -> None:
-            for wanted, sink in list(self.watchers):
-                if self.is_open and _matches(wanted, token):
-                    sink(token, is_alive)
+            for sink in self.sinks("watcher", token) if self.is_open else ():
+                sink(token, is_alive)
 
         self.process.act(tell)
 
-    def _tell_over_link(
+    def _tell_one(
         self, node: Node, sink: Callable[[str, bool], None], key: str, alive: bool
     ) -> None:
+        if node is self:
+            sink(key, alive)
+            return
         # The routing of Zenoh tells of tokens once a link is up; nothing of them is lost.
         link, world = self.network.link(self, node), self.network.world
         at_ns = max(link.up_ns, link.last_ns, world.now_ns) + link.delay_ns
@@ -320,15 +313,11 @@ class Node:
 
     def watch_alive(self, key: str, sink: Callable[[str, bool], None]) -> None:
         """Call `sink` with (key, alive) now and whenever a token changes."""
-        self.process.call()
-        self.watchers.append((key, sink))
+        self._declare("watcher", key, sink)
         for node in self._targets():
             for token in node.tokens:
                 if _matches(key, token):
-                    if node is self:
-                        sink(token, True)
-                    else:
-                        node._tell_over_link(self, sink, token, True)
+                    node._tell_one(self, sink, token, True)
 
     def close(self) -> None:
         """Leave the network; harmless when repeated."""
@@ -341,17 +330,18 @@ class Node:
                 node.let_go_on()
 
 
+@dataclass(frozen=True)
 class _Request:
     """A query that waits for its reply."""
 
-    def __init__(self, asker: Node, answerer: Node, payload: bytes, replies: Queue) -> None:
-        self._asker, self._answerer = asker, answerer
-        self.payload = payload
-        self._replies = replies
+    asker: Node
+    answerer: Node
+    payload: bytes
+    replies: Queue
 
     def reply(self, data: bytes, encoding: str) -> None:
         """Reply to it."""
-        self._answerer._send(self._asker, len(data), lambda: self._replies.put(bytes(data)))
+        self.answerer._send(self.asker, len(data), lambda: self.replies.put(bytes(data)))
 
 
 @lru_cache(maxsize=4096)

@@ -3,6 +3,11 @@
 import os
 import shutil
 from collections.abc import Callable
+from typing import Any
+
+import msgspec
+
+from stepbus_schemas import Batch, Outputs, encode
 
 from .execution import Execution
 from .network import Link
@@ -10,6 +15,13 @@ from .tape import ORCHESTRATOR, Fault
 from .world import Process
 
 Arm = Callable[[Execution, Fault], None]
+Change = Callable[[bytes, int], list[bytes]]
+"""Takes a message and the amount of a fault, and returns the messages to send instead."""
+
+
+def by_run(_execution: Execution, _fault: Fault) -> None:
+    """Do nothing: the run injects it, as with `--fault`."""
+
 
 # --- links ----------------------------------------------------------------------------------
 
@@ -29,14 +41,14 @@ def on_message(what: str) -> Arm:
 
 def late_link(execution: Execution, fault: Fault) -> None:
     """Let the connection of two processes, which carries both ways, come up late."""
+    one, other = fault.target.split(">")
 
     def delay(link: Link) -> None:
-        network = execution.network
-        key = frozenset(fault.target.split(">"))
-        link.up_ns = network.up_ns.setdefault(key, execution.world.now_ns + fault.amount)
+        up_ns = execution.world.now_ns + fault.amount
+        link.up_ns = execution.network.up_ns.setdefault(frozenset({one, other}), up_ns)
         execution.struck(fault)
 
-    for name in _both_ways(fault.target):
+    for name in (f"{one}>{other}", f"{other}>{one}"):
         execution.on_link(name, delay)
 
 
@@ -56,34 +68,10 @@ def cut(execution: Execution, fault: Fault) -> None:
     world.after(fault.at, begin)
 
 
-def _both_ways(target: str) -> tuple[str, str]:
-    one, other = target.split(">")
-    return f"{one}>{other}", f"{other}>{one}"
+# --- processes and the machine --------------------------------------------------------------
 
 
-# --- processes ------------------------------------------------------------------------------
-
-
-def at_time(
-    act: Callable[[Execution, Fault, Process], None],
-) -> Arm:
-    """Return what strikes a process at a time, if it is there then."""
-
-    def arm(execution: Execution, fault: Fault) -> None:
-        def strike() -> None:
-            process = execution.process(fault.target)
-            if process is not None and not process.is_dead:
-                execution.struck(fault)
-                act(execution, fault, process)
-
-        execution.world.after(fault.at, strike)
-
-    return arm
-
-
-def at_call(
-    act: Callable[[Execution, Fault, Process], None],
-) -> Arm:
+def at_call(act: Callable[[Execution, Fault, Process], None]) -> Arm:
     """Return what strikes a process between two of its system calls."""
 
     def arm(execution: Execution, fault: Fault) -> None:
@@ -136,9 +124,7 @@ def of_host(setting: str) -> Arm:
     return arm
 
 
-def in_step(
-    act: Callable[[Process, Fault], None],
-) -> Arm:
+def in_step(act: Callable[[Process, Fault], None]) -> Arm:
     """Return what happens to a participant in the midst of a step."""
 
     def arm(execution: Execution, fault: Fault) -> None:
@@ -151,18 +137,6 @@ def in_step(
         execution.in_step(fault.target, fault.at, strike)
 
     return arm
-
-
-def ignore_triggers(execution: Execution, fault: Fault) -> None:
-    """Let a participant read no triggers from a step on."""
-
-    def strike() -> None:
-        execution.struck(fault)
-        node = execution.network.nodes[fault.target]
-        node.subscribers = [row for row in node.subscribers if row[0] != "trigger"]
-        execution.network.changes += 1
-
-    execution.in_step(fault.target, fault.at, strike)
 
 
 def raise_error(_process: Process, _fault: Fault) -> None:
@@ -180,12 +154,24 @@ def compute_long(process: Process, fault: Fault) -> None:
     process.clock.sleep(fault.amount / 1e9)
 
 
-def on_world(act: Arm, *, while_recorded: bool = False) -> Arm:
+def ignore_triggers(execution: Execution, fault: Fault) -> None:
+    """Let a participant read no triggers from a step on."""
+
+    def strike() -> None:
+        execution.struck(fault)
+        node = execution.network.nodes[fault.target]
+        node.declared = [row for row in node.declared if row[:2] != ("subscriber", "trigger")]
+        execution.network.changes += 1
+
+    execution.in_step(fault.target, fault.at, strike)
+
+
+def at_time(act: Arm, *, while_recorded: bool = False) -> Arm:
     """Return what strikes the machine at a time, or a run, where that still records."""
 
     def arm(execution: Execution, fault: Fault) -> None:
         def strike() -> None:
-            is_over = execution.orchestrator.is_dead or execution.is_recorded
+            is_over = execution.orchestrator.is_dead or execution.watch.is_recorded
             if not (while_recorded and is_over):
                 execution.struck(fault)
                 act(execution, fault)
@@ -215,11 +201,166 @@ def remove_folder(execution: Execution, _fault: Fault) -> None:
     shutil.rmtree(execution.out, ignore_errors=True)
 
 
+# --- messages -------------------------------------------------------------------------------
+
+
+def lost(_data: bytes, _amount: int) -> list[bytes]:
+    """Return no message."""
+    return []
+
+
+def field(name: str, change: Callable[[Any], Any]) -> Change:
+    """Return what changes one field of an envelope."""
+
+    def changed(data: bytes, _amount: int) -> list[bytes]:
+        content = msgspec.msgpack.decode(data)
+        content[name] = change(content.get(name))
+        return [msgspec.msgpack.encode(content)]
+
+    return changed
+
+
+def on_outputs(name: str, make: Callable[[Any, int], Any]) -> Arm:
+    """Return what changes a field of the outputs that a participant publishes at a step.
+
+    They go alone or in a batch.
+    """
+
+    def arm(execution: Execution, fault: Fault) -> None:
+        step = fault.at - fault.at % execution.every(fault.target)
+
+        def alter(data: bytes) -> list[bytes]:
+            if step not in _steps(data):
+                return [data]
+            execution.struck(fault)
+            try:
+                outputs = msgspec.msgpack.decode(data, type=Outputs)
+            except (msgspec.MsgspecError, ValueError):
+                return [data]
+            new = make(getattr(outputs, name), fault.amount)
+            return [encode(msgspec.structs.replace(outputs, **{name: new}))]
+
+        execution.alter(fault.target, "out", alter)
+
+    return arm
+
+
+def on_key(what: str, change: Change) -> Arm:
+    """Return what changes message number `at` that a process sends on such a key."""
+
+    def arm(execution: Execution, fault: Fault) -> None:
+        def alter(data: bytes) -> list[bytes]:
+            execution.struck(fault)
+            return change(data, fault.amount)
+
+        _alter_one(execution, fault, what, alter)
+
+    return arm
+
+
+def _alter_one(
+    execution: Execution, fault: Fault, what: str, act: Callable[[bytes], list[bytes]]
+) -> None:
+    """Let a function return what is sent instead of message number `at` on such a key."""
+    count = 0
+
+    def alter(data: bytes) -> list[bytes]:
+        nonlocal count
+        count += 1
+        return act(data) if count - 1 == fault.at else [data]
+
+    execution.alter(fault.target.partition(">")[0], what, alter)
+
+
+HELLOS: tuple[tuple[str, Any], ...] = (
+    ("protocol", 0),
+    ("protocol", 3),
+    ("token", "of another run"),
+    ("name", "a stranger"),
+    ("inputs", {"command": "JointState/1"}),
+    ("inputs", {"more": "JointState/1"}),
+    ("outputs", {}),
+    ("outputs", {"joint_state": "Image/1"}),
+    ("types", {"JointState/1": {"name": "JointState", "fields": {}}}),
+)
+
+
+def wrong_hello(data: bytes, amount: int) -> list[bytes]:
+    """Return a `Hello` with one field that the scenario does not have so."""
+    name, value = HELLOS[amount]
+    return field(name, lambda _old: value)(data, amount)
+
+
+def other_type(ports: Any, _amount: int = 0) -> Any:
+    """Return ports with content of another type."""
+    return {port: {"position": "a word", "values": 7} for port in ports}
+
+
+def wrong_newest(entries: list[Any] | None) -> list[Any]:
+    """Return the outputs of a log, with content of another type in the newest."""
+    *before, newest = entries or [None]
+    return [] if newest is None else [*before, {**newest, "ports": other_type(newest["ports"])}]
+
+
+def _steps(data: bytes) -> list[int]:
+    """Return the steps of what is published on `out/<name>`."""
+    try:
+        return [msgspec.msgpack.decode(data, type=Outputs).step]
+    except (msgspec.MsgspecError, ValueError):
+        pass
+    try:
+        batch = msgspec.msgpack.decode(data, type=Batch)
+    except (msgspec.MsgspecError, ValueError):
+        return []
+    return [step for entry in batch.outputs for step in _steps(bytes(entry))]
+
+
+def last_words(execution: Execution, fault: Fault) -> None:
+    """Kill a process behind a log that it sends, which comes late."""
+
+    def alter(data: bytes) -> list[bytes]:
+        execution.struck(fault)
+        nodes = execution.network.nodes
+        link = execution.network.link(nodes[fault.target], nodes[ORCHESTRATOR])
+        link.changes[link.count] = "delay", fault.amount
+        link.struck[link.count] = lambda: None
+        process = nodes[fault.target].process
+        process.on_call[process.calls + 1] = process.kill
+        execution.world.after(1, process.kill)
+        return [data]
+
+    _alter_one(execution, fault, "log", alter)
+
+
+def late_bulk(execution: Execution, fault: Fault) -> None:
+    """Let bulk content come late over a link, behind all but other bulk content; 0: never."""
+    world, network, count, until_ns = execution.world, execution.network, 0, 0
+    source, target = fault.target.split(">")
+
+    def alter(data: bytes) -> list[bytes]:
+        nonlocal count, until_ns
+        if target not in network.nodes:
+            return [data]
+        link = network.link(network.nodes[source], network.nodes[target])
+        count += 1
+        if count - 1 == fault.at:
+            execution.struck(fault)
+            until_ns = world.now_ns + fault.amount
+            if not fault.amount:
+                link.changes[link.count] = "drop", 0
+        if world.now_ns < until_ns:
+            link.changes[link.count] = "late", until_ns - world.now_ns
+        link.struck.setdefault(link.count, lambda: None)
+        return [data]
+
+    execution.alter(source, "bulk", alter)
+
+
 # --- the disk -------------------------------------------------------------------------------
 
 
 def _disk(
-    execution: Execution, fault: Fault, strike: Callable[[int, str, int], int], count: int
+    execution: Execution, fault: Fault, strike: Callable[[str, int], int], count: int
 ) -> None:
     """Let calls number `at` to `at + count` of the disk go wrong; target: the name of the call."""
     before, calls = execution.disk.strike, 0
@@ -231,33 +372,33 @@ def _disk(
             calls += 1
             if 0 <= calls - 1 - fault.at < count:
                 execution.struck(fault)
-                return strike(calls, name, size)
+                return strike(name, size)
         return size
 
     execution.disk.strike = struck
 
 
-def raising(number: int, count: int | None) -> Arm:
-    """Return what lets calls of the disk fail."""
+def raising(number: int) -> Arm:
+    """Return what lets `amount` calls of the disk fail; 0: one."""
 
-    def strike(_number: int, _name: str, _size: int) -> int:
+    def strike(_name: str, _size: int) -> int:
         raise OSError(number, os.strerror(number))
 
     def arm(execution: Execution, fault: Fault) -> None:
-        _disk(execution, fault, strike, fault.amount if count is None else count)
+        _disk(execution, fault, strike, fault.amount or 1)
 
     return arm
 
 
 def short(execution: Execution, fault: Fault) -> None:
     """Let a write take only a part."""
-    _disk(execution, fault, lambda _n, _name, size: min(size, max(1, fault.amount)), 1)
+    _disk(execution, fault, lambda _name, size: min(size, max(1, fault.amount)), 1)
 
 
 def power(execution: Execution, fault: Fault) -> None:
     """Let the machine lose its power: what is being written is torn, what is renamed is not."""
 
-    def strike(_number: int, name: str, size: int) -> int:
+    def strike(name: str, size: int) -> int:
         if name == "replace":
             execution.orchestrator.kill()
         return size * fault.amount // 1000

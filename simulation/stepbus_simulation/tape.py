@@ -10,6 +10,9 @@ MS = 1_000_000
 ORCHESTRATOR = "orchestrator"
 """The name of its process."""
 
+FOLDER = "/dev/shm"
+"""Where simulated runs write: memory."""
+
 
 class Fault(msgspec.Struct, frozen=True, omit_defaults=True):
     """One thing that goes wrong.

@@ -109,7 +109,6 @@ class Process:
         self.calls = 0
         self.on_call: dict[int, Callable[[], None]] = {}
         self.on_end: list[Callable[[], None]] = []
-        self.print: Any = None
         self._program = work
         self._wakes: list[Event] = []
         self._held: list[Callable[[], None]] = []

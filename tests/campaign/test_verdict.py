@@ -3,7 +3,8 @@
 import random
 
 import pytest
-from campaign.recordings.mutations import (
+from campaign.log_reader import parse
+from campaign.mutations import (
     MUTATIONS,
     attachment_changed,
     flip,
@@ -11,8 +12,7 @@ from campaign.recordings.mutations import (
     message_dropped,
     rewritten,
 )
-from campaign.recordings.readers import Answer
-from campaign.recordings.verdict import Judge, messages
+from campaign.readers import Answer, Judge
 
 UNDAMAGED = Answer(0, "run.mcap: undamaged\nkept 3 messages")
 EQUAL = Answer(0, "equal: 3 messages")
@@ -55,4 +55,4 @@ def test_every_mutation_changes_the_file(two_link_recording, mutation):
     before = rewritten(random.Random(0), two_link_recording.read_bytes())
     seeds = range(3) if mutation is not rewritten else ()
     assert all(mutation(random.Random(seed), before) != before for seed in seeds)
-    assert len(messages(before)) == 61 + 3 * 60
+    assert len(parse(before).rows) == 61 + 3 * 60 + 1

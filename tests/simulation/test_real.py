@@ -1,42 +1,39 @@
-"""What the simulator says of a tape is what real processes do under the same fault."""
+"""What the simulator says of a tape is what real processes do under the same `--fault`."""
 
 import os
 from random import Random
 
 import pytest
-from stepbus_simulation.campaign import commands, execute
+from stepbus_simulation.campaign import draw_fault, execute
 from stepbus_simulation.draw import Draw
-from stepbus_simulation.kinds import KINDS
+from stepbus_simulation.kinds import INJECTED
 from stepbus_simulation.programs import SCENARIOS, as_data
 from stepbus_simulation.tape import Knobs, Tape
 from support.paths import CHECKOUT
 
 import stepbus
+from stepbus_orchestrator.scenario.fault_texts import FAULT_TYPES
 
 KNOBS = Knobs(step_ms=30_000, compute_us=1_000)
-REAL = ("kill", "freeze", "never", "twice", "garbage")
+REAL = [*INJECTED] * 2
 
 
-def drawn(number):
-    """Return a tape with one fault that real processes can be struck with."""
-    random = Random(number)
-    name = random.choice(["loop", "seen"])
-    draw = Draw(random=random, names=list(SCENARIOS[name]()), steps=40)
-    return Tape(name, 50, KNOBS, (KINDS[REAL[number % len(REAL)]].draw(draw),))
+def test_the_simulator_has_every_fault_of_a_run():
+    assert set(INJECTED) == set(FAULT_TYPES)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(20))
-def test_real_processes_agree(number, tmp_path, monkeypatch):
-    tape = drawn(number)
+@pytest.mark.parametrize(("number", "kind"), list(enumerate(REAL)))
+def test_real_processes_agree(number, kind, tmp_path, monkeypatch):
+    random = Random(number)
+    name = random.choice(["loop", "seen"])
+    draw = Draw(random=random, names=list(SCENARIOS[name]()), steps=40)
+    tape = Tape(name, 50, KNOBS, (draw_fault(kind, draw),))
     execution, problems = execute(tape)
     assert problems == []
-    texts = [text.split("'")[1] for text in commands(execution)]
-    if not texts or execution.result.at_step < 1:
-        pytest.skip("it strikes nothing, or before the first step")
     monkeypatch.setenv("PYTHONPATH", os.fspath(CHECKOUT / "simulation"))
     data = as_data(tape.scenario, tape.steps, tape.knobs)
-    result = stepbus.run(data, out=tmp_path / "run", faults=texts)
+    result = stepbus.run(data, out=tmp_path / "run", faults=execution.as_options())
     simulated = execution.result
     assert (result.exit_code, result.participant) == (simulated.exit_code, simulated.participant)
     if result.exit_code == 0:

@@ -1,13 +1,14 @@
 """The judge of the store's part of the campaign finds each promise that is broken."""
 
+import io
 from unittest.mock import Mock
 
 import msgpack
 import pytest
+from campaign.log_reader import parse
 from campaign.store import cases, judge, sell
-from campaign.store.judge import largest_force
-from campaign.store.log import SaleLog, read
-from campaign.store.physics import excuses
+from campaign.store.judge import excuses, largest_force
+from campaign.store.log import SaleLog, decoded
 from mcap.writer import Writer
 
 ROBOT = ["chassis", "forearm_link", "left_pad", "right_pad", "left_wheel_link"]
@@ -113,19 +114,17 @@ def test_the_cases_of_a_seed_are_the_same_each_time_and_have_every_family():
     assert {word for case in rows for word in case.arguments()} >= {"--fault", "--in-process"}
 
 
-def test_a_recording_that_was_cut_is_read_as_far_as_it_goes(tmp_path):
-    path = tmp_path / "run.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file, chunk_size=64)
-        writer.start()
-        channel = writer.register_channel("plant/odometry", "msgpack", 0)
-        for step in range(50):
-            row = msgpack.packb({"vx": 0.1 * step, "wz": 0.0})
-            writer.add_message(channel, step, row, step, step)
-        writer.finish()
-    whole = read(path)
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    cut = read(path)
+def test_a_recording_that_was_cut_is_read_as_far_as_it_goes():
+    file = io.BytesIO()
+    writer = Writer(file, chunk_size=64)
+    writer.start()
+    channel = writer.register_channel("plant/odometry", "msgpack", 0)
+    for step in range(50):
+        row = msgpack.packb({"vx": 0.1 * step, "wz": 0.0})
+        writer.add_message(channel, step, row, step, step)
+    writer.finish()
+    data = file.getvalue()
+    whole, cut = (decoded(parse(part)) for part in (data, data[: len(data) // 2]))
     assert whole.is_whole
     assert not cut.is_whole
     assert 1 < len(cut.messages["plant/odometry"]) < 50
@@ -145,11 +144,10 @@ def test_a_camera_is_given_time_to_start_its_world_model(monkeypatch, tmp_path):
     assert timed == [0, 1]
 
 
-def appearing(gap, *, vx=0.6, pair=("chassis", "crate_box"), force=300.0, later=3):
+def appearing(gap, *, pair=("chassis", "crate_box"), force=300.0, later=3):
     """Return the log of a crate that is put down before step 2, and hit `later` on; gap: [m]."""
     found = log(texts=(TABLE,))
     found.bodies = {"crate_box": "crate", "chassis": "robot"}
-    found.messages["plant/odometry"] = [(step, {"vx": vx, "wz": 0.0}) for step in range(90)]
     near = {"pairs": [list(pair)], "peak_force": [0.0], "distance": [gap]}
     hit = {"pairs": [list(pair)], "peak_force": [force], "distance": [0.0]}
     far = {"pairs": [list(pair)], "peak_force": [0.0], "distance": [0.149]}
@@ -164,17 +162,14 @@ CRATE = [{"at": "0.016s", "body": "crate", "position": [1.0, 0.0, 0.0]}]
 @pytest.mark.parametrize(
     ("found", "texts"),
     [
-        (appearing(0.04), ["crate_box appeared 40 mm from chassis, which needed 46 mm to stop"]),
+        (appearing(0.04), ["crate_box appeared 40 mm from the robot"]),
         (appearing(0.05), []),
-        (appearing(0.04, vx=0.5), []),
-        (appearing(0.0, vx=0.0), ["crate_box was put into chassis at step 2"]),
+        (appearing(0.0), ["crate_box appeared 0 mm from the robot"]),
     ],
 )
 def test_what_appears_nearer_than_a_base_can_brake_is_nobody_s_fault(found, texts):
     excused = excuses(found, CRATE)
-    assert [a.startswith(b) for a, b in zip(excused.texts, texts, strict=True)] == [True] * len(
-        texts
-    )
+    assert excused.texts == texts
     pressed = [line for line in judge(found, SOLD, excused=excused) if "pressed on" in line]
     assert bool(pressed) is not bool(texts)
 

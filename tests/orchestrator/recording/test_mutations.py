@@ -3,8 +3,8 @@
 import random
 
 import pytest
-from campaign.recordings import read_all
-from campaign.recordings.mutations import MUTATIONS
+from campaign.mutations import MUTATIONS
+from campaign.readers import read_all
 from support.messages.recordings import chunks
 
 from stepbus_orchestrator.errors import RecordingFailed

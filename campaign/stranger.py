@@ -42,11 +42,7 @@ def configured(addresses: list[str], **further: object) -> Any:
 
 def subscribe(addresses: list[str], **further: object) -> None:
     """Subscribe to everything, then stop reading."""
-    session = zenoh.open(configured(addresses, **further))
-    _subscriber = session.declare_subscriber("**", lambda _sample: None)
-    time.sleep(0.3)
-    ready()
-    os.kill(os.getpid(), signal.SIGSTOP)
+    stop_reading(zenoh.open(configured(addresses, **further)))
 
 
 def subscribe_with_qos(addresses: list[str]) -> None:
@@ -58,10 +54,22 @@ def subscribe_with_qos(addresses: list[str]) -> None:
 def subscribe_stolen(tickets: list[str]) -> None:
     """Do the same with the credentials of a participant."""
     endpoint = json.loads(Path(random.choice(tickets)).read_bytes())["endpoint"]
+    tls = {key: value for key, value in endpoint["settings"].items() if "tls" in key}
+    subscribe(endpoint["connect"] + endpoint["listen"], **credentials(endpoint), **tls)
+
+
+def credentials(endpoint: dict[str, Any]) -> dict[str, object]:
+    """Return the settings of a session with the name and password of an endpoint."""
     auth = "transport/auth/usrpwd"
-    stolen = {f"{auth}/user": endpoint["user"], f"{auth}/password": endpoint["password"]}
-    further = {key: value for key, value in endpoint["settings"].items() if "tls" in key}
-    subscribe(endpoint["connect"] + endpoint["listen"], **stolen, **further)
+    return {f"{auth}/user": endpoint["user"], f"{auth}/password": endpoint["password"]}
+
+
+def stop_reading(session: Any) -> None:
+    """Subscribe to everything, and stop this process."""
+    _subscriber = session.declare_subscriber("**", lambda _sample: None)
+    time.sleep(0.3)
+    ready()
+    os.kill(os.getpid(), signal.SIGSTOP)
 
 
 def intrude(addresses: list[str]) -> None:
@@ -75,11 +83,6 @@ def intrude(addresses: list[str]) -> None:
             session.put("stepbus/" + key, b"garbage")
             session.put(f"stepbus/{random.randbytes(8).hex()}/{key}", random.randbytes(50))
         time.sleep(0.005)
-
-
-def idle(addresses: list[str]) -> None:
-    """Connect, and say nothing."""
-    hold([link for address in addresses for link in connected(address, random.randrange(1, 8))])
 
 
 def flood(addresses: list[str]) -> None:
@@ -124,15 +127,12 @@ def call(folders: list[str]) -> None:
     """Call a run as its user may, with nonsense, then stop reading."""
     live = json.loads((Path(folders[0]) / ".live.json").read_bytes())
     endpoint = live["endpoint"]
-    auth = "transport/auth/usrpwd"
-    own = {f"{auth}/user": endpoint["user"], f"{auth}/password": endpoint["password"]}
-    session = zenoh.open(configured(endpoint["connect"], **own, **endpoint["settings"]))
-    key = f"stepbus/{live['run']}/call"
+    settings = {**credentials(endpoint), **endpoint["settings"]}
+    session = zenoh.open(configured(endpoint["connect"], **settings))
     for _ in range(50):
-        session.get(key, payload=random.randbytes(random.choice((0, 3, 900))), timeout=0.2)
-    _subscriber = session.declare_subscriber("**", lambda _sample: None)
-    ready()
-    os.kill(os.getpid(), signal.SIGSTOP)
+        nonsense = random.randbytes(random.choice((0, 3, 900)))
+        session.get(f"stepbus/{live['run']}/call", payload=nonsense, timeout=0.2)
+    stop_reading(session)
 
 
 def connected(address: str, count: int) -> list[socket.socket]:
@@ -166,7 +166,7 @@ def ready() -> None:
 DEEDS = {
     deed.__name__: deed
     for deed in (
-        subscribe, subscribe_with_qos, subscribe_stolen, intrude, idle, flood, babble,
+        subscribe, subscribe_with_qos, subscribe_stolen, intrude, flood, babble,
         half_handshake, call,
     )
 }  # fmt: skip
