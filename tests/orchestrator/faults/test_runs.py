@@ -143,3 +143,14 @@ def test_large_messages_to_a_frozen_participant_hang_nobody_and_it_is_blamed(tmp
     result = run(scenario, Options(out=tmp_path / "out"))
     late = (result.exit_code, result.participant, result.at_step)
     assert late == (ExitCode.STEP_TIMEOUT, "reader", step)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("window", [pytest.param(1, marks=pytest.mark.slow), 64])
+def test_a_frozen_participant_is_held_with_the_same_result_in_every_window(tmp_path, window):
+    overrides = [*FAST, "controller.on_fault=hold", f"window={window}"]
+    hashes = {
+        run_with(tmp_path / fault.split()[0], fault, overrides=overrides).steps
+        for fault in ("freeze controller at 30", "kill controller at 30")
+    }
+    assert hashes == {100}

@@ -136,3 +136,11 @@ def test_after_the_first_write_that_fails_only_the_index_is_written(
         assert recording.damage == ""
         states, images = recording["plant/joint_state"].steps, recording["plant/image"].steps
         assert images.tolist() == [step for step in pictures() if step <= states[-1]]
+
+
+def test_the_bytes_do_not_depend_on_the_clock(tmp_path):
+    found = set()
+    for flush_at in ((), range(STEPS), (5, 20, 21)):
+        sha256 = record(tmp_path / "run.mcap", flush_at)
+        found.add(((tmp_path / "run.mcap").read_bytes(), sha256))
+    assert len(found) == 1

@@ -39,3 +39,9 @@ def test_a_recording_without_its_end_has_none(tmp_path, plain):
     half.write_bytes(data[: len(data) // 2])
     with Recording(half) as recording:
         assert recording.messages_sha256 == ""
+
+
+def test_another_message_or_another_number_of_steps_changes_it(tmp_path, plain):
+    other = run_joints(tmp_path / "other", "mission.every=5", in_process=True)
+    shorter = run_joints(tmp_path / "shorter", "duration=100ms", in_process=True)
+    assert len({r.messages_sha256 for r in (plain, other, shorter)}) == 3

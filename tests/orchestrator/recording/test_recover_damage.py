@@ -90,3 +90,9 @@ def test_a_recording_that_lacks_only_its_index_has_lost_no_step(chunked, tmp_pat
     recovery = recover_bytes(tmp_path, chunked.read_bytes()[:-1])
     assert (recovery.only_index_lost, recovery.missing_steps) == (True, 0)
     assert messages(recovery.target) == messages(chunked)
+
+
+def test_an_undamaged_recording_comes_back_byte_for_byte(two_link_recording, tmp_path):
+    recovery = recover(two_link_recording, tmp_path / "fixed.mcap")
+    assert recovery.damage == ""
+    assert recovery.target.read_bytes() == two_link_recording.read_bytes()

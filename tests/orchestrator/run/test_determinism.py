@@ -1,7 +1,11 @@
 """The same scenario gives the same bytes, whatever the timing, the window or the transport."""
 
+import os
+import subprocess
+import sys
+
 import pytest
-from support.runs.joints import run_joints
+from support.runs.joints import run_joints, write_scenario
 
 from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.kernel.admission import participant_seed
@@ -43,6 +47,34 @@ def test_a_participant_that_ends_the_run_ends_it_at_the_same_step_in_any_window(
     narrow = run_joints(tmp_path / "narrow", end, "window=1", "batch=1", in_process=True)
     wide = run_joints(tmp_path / "wide", end, "window=64")
     assert narrow.sha256 == wide.sha256
+
+
+OWN = """
+import msgspec
+import stepbus
+
+class Mood(stepbus.Message, frozen=True, kw_only=True):
+    \"\"\"How a participant feels.\"\"\"
+
+    TYPE = "Mood/1"
+    level: float
+"""
+
+
+@pytest.mark.slow
+def test_the_recording_does_not_depend_on_whether_python_checks_assertions(tmp_path):
+    scenario = write_scenario(tmp_path / "source")
+    (scenario.parent / "own.py").write_text(OWN)
+    scenario.write_text(scenario.read_text() + "types: own\n")
+    recorded = []
+    for given in ("0", "1"):
+        out = tmp_path / given
+        words = ["run", scenario, "--in-process", "--no-report", "--set", "duration=50ms"]
+        environment = {**os.environ, "PYTHONOPTIMIZE": given, "PYTHONPATH": str(scenario.parent)}
+        command = [sys.executable, "-m", "stepbus_orchestrator.cli", *words, "--out", out]
+        subprocess.run(command, env=environment, check=True, capture_output=True)
+        recorded.append((out / "run.mcap").read_bytes())
+    assert recorded[0] == recorded[1]
 
 
 def test_the_seed_of_a_participant_is_published_arithmetic():

@@ -52,7 +52,7 @@ def found(folder):
     except SettingsError as exc:
         return [
             ("params.world", str(row).replace(str(folder), ""))
-            if row.file
+            if row.place.file
             else (".".join(map(str, row.keys[2:])), row.message)
             for row in exc.problems
         ]

@@ -285,3 +285,18 @@ def test_a_failed_run_says_what_lacks(tmp_path):
 def test_metadata_that_stepbus_did_not_write_has_no_step(recorded, tmp_path, name, content):
     path = rewrite(recorded, tmp_path / "other.mcap", 4096, noted={name: content})
     assert Recording(path).steps_in(name) == {}
+
+
+def test_a_changed_participant_counts_from_the_step_on(recorded, tmp_path):
+    other = "controller.params={fault: gain, at: 0}"
+    found = branch(recorded, tmp_path / "b", at=43, set=[other], in_process=True)
+    assert found.result.exit_code == 0
+    assert found.changed == ["controller"]
+    assert below(found.result.recording, 43) == below(recorded, 43)
+
+
+def test_a_participant_that_fails_on_the_way_is_named(recorded, tmp_path):
+    crash = fault("controller", "raise", 10)
+    found = branch(recorded, tmp_path / "b", at=43, set=[crash], in_process=True)
+    assert found.result.exit_code == ExitCode.FAULT
+    assert found.result.participant == "controller"

@@ -186,3 +186,17 @@ def test_filters_of_the_controller_are_saved(filters, tmp_path):
     found = branch(recording, tmp_path / "b", at=70, in_process=True)
     assert found.equal, found.result.reason
     assert set(found.restored.values()) == {40}
+
+
+def test_without_checkpoints_it_is_the_same(saved, tmp_path):
+    found = branch(saved, tmp_path / "b", at=250, checkpoints=False, in_process=True)
+    assert found.equal
+    assert found.restored == {}
+
+
+def test_without_any_sound_state_all_start_at_0(copy, tmp_path):
+    for path in (copy.parent / "checkpoints").glob("*.*00"):
+        path.unlink()
+    found = branch(copy, tmp_path / "b", at=250, in_process=True)
+    assert found.equal
+    assert found.restored == {}

@@ -248,3 +248,19 @@ def test_a_double_pendulum_keeps_its_energy(tmp_path, engine):
     # 1 % of what it falls by: 14.7 J at most.
     assert np.abs(energies).max() < 0.15
     assert np.ptp(energies) > 0.0
+
+
+def test_a_pendulum_keeps_its_energy(tmp_path, engine):
+    plant = make(tmp_path, engine, {"rod": fixed(ROD)})
+    # Semi-implicit Euler keeps H - h/2 · q' · dV/dq up to h², here with V = -T sin q and from rest
+    # at 0; so H strays by no more than h/2 · max |q' T cos q|, where q'² = 2 T sin q / I. That is
+    # largest where sin² q = 1/3. A tenth more is for h².
+    fastest = math.sqrt(2 * ROD_TORQUE * math.sqrt(1 / 3) / ROD_MOMENT)
+    bound = 1.1 * STEP / 2 * fastest * ROD_TORQUE * math.sqrt(2 / 3)
+    errors = []
+    for _ in range(2000):
+        q, v = state(advance(plant, 1), "hinge")
+        errors.append(ROD_MOMENT * v * v / 2 - ROD_TORQUE * math.sin(q))
+    assert np.abs(errors).max() < bound
+    assert np.abs(errors).max() > bound / 10
+    assert abs(np.mean(errors)) < bound / 5

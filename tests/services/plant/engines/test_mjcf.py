@@ -202,3 +202,14 @@ def test_pybullet_refuses_it_in_one_sentence(tmp_path):
 def test_what_mujoco_cannot_compile_is_named_with_its_file(tmp_path):
     with pytest.raises(WiringError, match=r"world\.yaml:.*bodies\.arm\.urdf: .*arm\.xml: MuJoCo"):
         plant_of(tmp_path, model('<body><joint type="hinge"/></body>'))
+
+
+def test_a_state_of_it_is_restored_to_the_bit(tmp_path):
+    text = PASSIVE["a closed loop"]
+    plant = advance(plant_of(tmp_path, text), 100)
+    saved = plant.physics.engine.save()
+    (tmp_path / "again").mkdir()
+    again = plant_of(tmp_path / "again", text)
+    again.physics.engine.restore(saved)
+    first, second = (advance(each, 200).sense() for each in (plant, again))
+    assert first == second

@@ -131,3 +131,21 @@ def test_points_of_frames_and_centres_agree(tmp_path, engine):
     np.testing.assert_allclose(engine_.centre(0)[0], expected, atol=1e-6)
     engine_.put_centre(0, ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0)))
     np.testing.assert_allclose(engine_.frame((0, BASE))[0], (-0.3, 0, 0.9), atol=1e-6)
+
+
+def test_a_state_that_is_saved_goes_on_to_the_bit(tmp_path, engine):
+    bodies = {"ground": fixed(FLOOR)} | {
+        name: Row(box(name, 1.0, 0.1, 0.1, 0.1), f"position: [{x}, 0, {z}]")
+        for name, x, z in (("low", 0.0, 0.05), ("high", 0.03, 0.3))
+    }
+    first = advance(make(tmp_path, engine, bodies), 250)
+    saved = first.physics.engine.save()
+    if saved is None:
+        pytest.skip(f"{engine} saves no state")
+    other = make(tmp_path, engine, bodies)
+    other.physics.engine.restore(saved)
+    ends = [
+        [plant.physics.engine.motion((body, BASE)) for body in (1, 2)]
+        for plant in (advance(first, 200), advance(other, 200))
+    ]
+    assert ends[0] == ends[1]

@@ -13,8 +13,11 @@ from stepbus_plant import engines
 from stepbus_plant.engines import ENGINES, default_engine, is_here
 from stepbus_plant.geometry import (
     Geometry,
+    product,
+    projection_matrix,
     quaternion,
     rotation,
+    view_matrix,
 )
 from stepbus_schemas import WiringError
 
@@ -128,3 +131,37 @@ def test_poses_of_the_two_geometries_agree(bullet):
         point = np.subtract(ours.into(one, other[0]), theirs.into(one, other[0]))
         worst = max(worst, np.abs(point).max())
     assert worst < 1e-6
+
+
+def test_orientations_on_the_way_are_pybullets(bullet):
+    shares = np.random.default_rng(5).uniform(0, 1, COUNT // 2).tolist()
+    for (one, other), share in zip(poses(), shares, strict=True):
+        position, ours = Geometry().between(one, other, share)
+        theirs = bullet.bullet.getQuaternionSlerp(one[1], other[1], share)
+        assert gap((position, ours), (position, theirs)) < 1e-6
+
+
+def test_spins_are_pybullets(bullet):
+    """Of orientations that are less than half a turn apart: at half a turn, both ways are right."""
+    rng = np.random.default_rng(6)
+    for rpy in angles()[: COUNT // 2]:
+        one = quaternion(rpy)
+        other = product(quaternion(rng.uniform(-1, 1, 3).tolist()), one)
+        turn = bullet.bullet.getDifferenceQuaternion(one, other)
+        axis, angle = bullet.bullet.getAxisAngleFromQuaternion(turn)
+        theirs = np.multiply(axis, math.remainder(angle, 2 * math.pi))
+        assert np.abs(Geometry().spin_between(one, other, 1.0) - theirs).max() < 1e-6
+
+
+def test_views_and_projections_are_pybullets(bullet):
+    rng = np.random.default_rng(7)
+    for _ in range(500):
+        target, distance = rng.uniform(-2, 2, 3).tolist(), rng.uniform(0.5, 5)
+        yaw, pitch = rng.uniform(-180, 180), rng.uniform(-89, 89)
+        theirs = bullet.bullet.computeViewMatrixFromYawPitchRoll(target, distance, yaw, pitch, 0, 2)
+        ours = view_matrix(target, distance, math.radians(yaw), math.radians(pitch))
+        np.testing.assert_allclose(ours, np.reshape(theirs, (4, 4)).T, atol=1e-5)
+        fov, aspect, far = rng.uniform(5, 120), rng.uniform(0.5, 2), rng.uniform(2, 200)
+        theirs = bullet.bullet.computeProjectionMatrixFOV(fov, aspect, 0.05, far)
+        ours = projection_matrix(math.radians(fov), aspect, 0.05, far)
+        np.testing.assert_allclose(ours, np.reshape(theirs, (4, 4)).T, rtol=1e-5, atol=1e-6)

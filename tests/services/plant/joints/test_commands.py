@@ -118,3 +118,9 @@ def test_joints_of_one_body_may_have_different_modes(tmp_path):
     plant.advance()
     assert plant.sense().effort[1] == 3.0
     assert plant.sense().position[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_order_of_names_in_a_command_changes_nothing(tmp_path):
+    straight = swing(make_plant(tmp_path), 300)
+    permuted = swing(make_plant(tmp_path), 300, ("joint2", "joint1"))
+    assert digest(straight) == digest(permuted)

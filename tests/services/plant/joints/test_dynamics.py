@@ -116,3 +116,8 @@ def test_the_params_physics_step_goes_over_the_worlds(tmp_path):
     fast = swing(make_plant(tmp_path, world="physics_step: 1ms", physics_step="5ms"), 20)
     assert np.array_equal(fast, swing(make_plant(tmp_path, world="physics_step: 5ms"), 20))
     assert not np.array_equal(fast, swing(make_plant(tmp_path, world="physics_step: 1ms"), 20))
+
+
+def test_two_plants_in_one_process_give_the_same_bits(tmp_path):
+    first, second = (swing(make_plant(tmp_path), 300) for _ in range(2))
+    assert digest(first) == digest(second)

@@ -98,3 +98,9 @@ def test_all_mistakes_of_the_parameters_are_listed():
 def test_contradicting_parameters_are_refused(params, mistake):
     with pytest.raises(WiringError, match=mistake):
         Params.of({"world": "world.yaml", **params})
+
+
+def test_quantities_do_not_share_their_noise(tmp_path):
+    plant = make_plant(tmp_path, **read({"noise": {"position": 1, "velocity": 1}}))
+    state = plant.sense()
+    assert state.position != state.velocity

@@ -306,3 +306,22 @@ def test_a_body_that_is_put_into_another_one_is_told(tmp_path):
     stand = make_stand(tmp_path, put, world=WORLD + CAN)
     said = texts(run(stand, 110))[101]
     assert re.search(r"0\.05 m, \d+ mm into can/crate$", said)
+
+
+def test_a_run_with_a_script_repeats_to_the_byte(tmp_path):
+    script = [
+        {"at": "20ms", "body": "crate", "position": [0, 0, 0.1], "orientation_rpy": [0.1, 0, 0]},
+        {"at": "40ms", "jam": "axle"},
+        {"at": "60ms", "body": "crate", "to": [0.2, 0, 0.2], "over": "50ms"},
+    ]
+    free = WORLD.replace("0.05], fixed_base: true", "0.05]")
+    command = JointCommand(mode="velocity", values=[5.0])
+    first, second = (
+        run(
+            make_stand(tmp_path, *script, world=free, outputs={**OUTPUTS, **IMAGES}),
+            30,
+            command=command,
+        )
+        for _ in range(2)
+    )
+    assert first == second
