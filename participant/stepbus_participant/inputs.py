@@ -1,5 +1,6 @@
 """What a participant receives: its inputs, and the messages of others that feed them."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from queue import SimpleQueue
@@ -169,7 +170,7 @@ class Source:
         self._pending = [(item.config.port, item.pending) for item in inputs]
         self._token = token
         self._newest: bytes | msgspec.Raw = b""
-        self._restored = self.step
+        self._restored: float = -math.inf
         self._delay = min(item.config.delay for item in inputs)
 
     def due(self, step: int) -> int:
@@ -236,7 +237,8 @@ class Source:
 
     def continue_after(self, step: int) -> None:
         """Skip all up to a step: a checkpoint has what is needed of it (P16.3)."""
-        self.step = self._restored = step
+        self.step = step
+        self._restored = step
 
     def _drop_or_blame(self, outputs: Outputs, data: bytes | msgspec.Raw) -> None:
         if outputs.step <= self._restored:

@@ -8,6 +8,7 @@ from mcap.reader import make_reader
 from support.runs.joints import fault, run_joints, write_scenario
 
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extension import RunExtension
 
 FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
@@ -214,3 +215,16 @@ def test_what_keeps_a_program_from_the_bus_is_named(tmp_path, program, sentence)
     result = run_joints(tmp_path, f"controller.exec={program}", *deadlines)
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
     assert re.search(sentence, result.reason)
+
+
+def test_a_stop_that_is_lost_comes_again(tmp_path, monkeypatch):
+    stop = Session.stop
+
+    def lost(session, reason, at_step):
+        put, session._put_stop = session._put_stop, lambda _data: None
+        stop(session, reason, at_step)
+        session._put_stop = put
+
+    monkeypatch.setattr(Session, "stop", lost)
+    result = run_joints(tmp_path, "plant.stop_timeout=10s", in_process=True)
+    assert (result.exit_code, recorded_steps(result)[-1]) == (ExitCode.FINISHED, 100)
