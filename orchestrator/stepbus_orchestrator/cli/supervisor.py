@@ -91,7 +91,7 @@ def supervise(environment: Mapping[str, str]) -> int:
         return _INTERNAL
     watcher = Watcher(memory, pid, is_owner=True)
     is_killed = watcher.await_end(meanwhile=lambda: _pass_on(signals, memory, pid))
-    code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])  # no time-out: it has ended
     _end_orphans()
     # From here on, Ctrl-C ends it at once.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)

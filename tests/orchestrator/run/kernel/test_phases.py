@@ -12,6 +12,7 @@ from support.surroundings import comes_true
 
 from stepbus_orchestrator.errors import Interrupted, ParticipantDied
 from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.extensions.safe_stop import SafeStop
 from stepbus_orchestrator.scenario.model import HoldSpec
 
 TWO_STEPS = "plant@0 mission@0 controller@0 plant@1 controller@1 plant@2"
@@ -64,7 +65,8 @@ def test_a_failure_goes_straight_to_shutdown_and_stops_everybody_at_once():
 
 @pytest.mark.slow
 def test_a_participant_with_a_fallback_is_replaced_until_the_safe_stop():
-    run = RunInMemory(scenario(PLANT, MISSION, HELD, window=1, steps=100), dies=("controller", 3))
+    held = scenario(PLANT, MISSION, HELD, window=1, steps=100)
+    run = RunInMemory(held, dies=("controller", 3), extensions=[SafeStop()])
     with pytest.raises(ParticipantDied, match="held from step 3 to 5"):
         run.run()
     assert " → ".join(run.phases) == "start-up → stepping → fallback → closing → shutdown"
