@@ -242,6 +242,8 @@ class RobotModel:
 
         That of a follower adds to its joint's, by the gear between them.
         """
+        if self._is_direct:
+            return np.array(values)
         row: Vector = values[..., self._index]
         for leader, gear, at in zip(self._followed, self._gear, self._followers, strict=True):
             row[..., leader] += gear * values[..., at]
