@@ -35,12 +35,13 @@ def failure_of(recording, *overrides, **options):
     return caught.value
 
 
+# On a busy machine its report that it waits for the trigger may cross the trigger.
 @pytest.mark.parametrize(
     ("kind", "code", "sentence"),
     [
         ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
         ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
-        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; all inputs have arrived; deadline 2 s"),
+        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has (been computing for \d+\.\d s; all inputs have arrived|held the step for .* waiting for the trigger of step 7, which was sent).* deadline 2 s"),
         ("skip", ExitCode.FAULT, r"step 7 .*reported step 8 instead"),
     ],
 )  # fmt: skip
