@@ -242,7 +242,6 @@ class Run:
         check_closing(self.state, closing, elapsed_s)
         reported, end = self.state.barrier.reported, self.state.last_step
         owing = [name for name in closing if reported[name] < end]
-        self.session.repeat_stop()
         self._repeats.look(owing, "stop")
 
     def _survive(self, failure: RunFailure) -> Callable[[], str]:

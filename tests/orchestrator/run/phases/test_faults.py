@@ -9,7 +9,6 @@ from support.runs.joints import fault, run_joints, write_scenario
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_participant.bus.loopback import LoopbackBus
 
 FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
 
@@ -215,17 +214,3 @@ def test_what_keeps_a_program_from_the_bus_is_named(tmp_path, program, sentence)
     result = run_joints(tmp_path, f"controller.exec={program}", *deadlines)
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
     assert re.search(sentence, result.reason)
-
-
-def test_a_stop_that_is_lost_comes_again(tmp_path, monkeypatch):
-    publisher, lost = LoopbackBus.publisher, []
-
-    def lossy(bus, key, *words, **more):
-        put = publisher(bus, key, *words, **more)
-        is_stop = key.endswith("stop")
-        return (lambda data: put(data) if lost else lost.append(data)) if is_stop else put
-
-    monkeypatch.setattr(LoopbackBus, "publisher", lossy)
-    result = run_joints(tmp_path, "plant.stop_timeout=10s", in_process=True)
-    assert len(lost) == 1
-    assert (result.exit_code, recorded_steps(result)[-1]) == (ExitCode.FINISHED, 100)
