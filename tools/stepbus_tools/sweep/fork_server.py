@@ -33,9 +33,10 @@ def serve(channel: Connection) -> None:
     bundle, options = channel.recv()
     children: dict[Connection, tuple[int, int]] = {}
     with contextlib.suppress(EOFError, OSError), contextlib.ExitStack() as stack:
-        stack.callback(_end, children)
         try:
             trials = stack.enter_context(Trials(bundle, keep=options.keep, home=options.home))
+            # Before its folder is removed, in which they write.
+            stack.callback(_end, children)
             error = _load(trials, channel, children)
         except EOFError:
             return

@@ -72,6 +72,8 @@ class Trials:
     def run(self, point: Point) -> tuple[ResultRow, Files]:
         """Run a point; return its row, and the files of a run that stays where none is in reach."""
         out, began = self._folder / f"run-{point.number}", time.monotonic()
+        # Of a process that died in the midst of this run.
+        shutil.rmtree(out, ignore_errors=True)
         try:
             row = self._row(point, self._run(point, out))
             row = msgspec.structs.replace(row, wall_s=time.monotonic() - began)
