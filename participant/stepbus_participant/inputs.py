@@ -22,7 +22,6 @@ from stepbus_schemas import (
     RunError,
     Types,
     WiringError,
-    due_step,
     encode,
     reached,
     type_name,
@@ -92,7 +91,9 @@ class Input:
         pending = self.pending
         if not pending:
             return
-        due = due_step(step, self._delay, self._every)
+        # As of `due_step`; a call would take longer than all else.
+        reach = step - self._delay
+        due = reach - reach % self._every
         while pending and pending[0][0] <= due:
             source_step, data = pending.popleft()
             self.fresh = True
@@ -144,7 +145,7 @@ class Source:
     queue: where the bus puts the content of its samples. entries: messages that come before all in
     the queue: the rest of a `Batch`, or one that was taken before its step. step: the newest step
     accepted; `-every`: none yet, as of `due_step`.
-    connected: whether a handshake has arrived. drops: cause → number of dropped messages, of all
+    delay: the least of any input [steps]. connected: whether a handshake has arrived. drops: cause → number of dropped messages, of all
     sources.
     """
 
@@ -171,11 +172,12 @@ class Source:
         self._token = token
         self._newest: bytes | msgspec.Raw = b""
         self._restored: float = -math.inf
-        self._delay = min(item.config.delay for item in inputs)
+        self.delay = min(item.config.delay for item in inputs)
 
     def due(self, step: int) -> int:
         """Return the newest step of this source that any input needs at `step`."""
-        return due_step(step, self._delay, self.every)
+        reach = step - self.delay
+        return reach - reach % self.every
 
     def is_awaited(self, step: int) -> bool:
         """Return whether the queue has to bring the next message that `step` needs."""

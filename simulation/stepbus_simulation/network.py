@@ -249,6 +249,8 @@ class Node:
         """Call `sink` with each sample on a key."""
         self._declare("subscriber", key, sink)
 
+    exchange = None
+
     def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
         """Call `sink` with the content of each sample on a key."""
         self.subscribe(key, lambda sample: sink(sample.payload))

@@ -25,11 +25,21 @@ class HashChain:
 
     def extend(self, step: int, published: Iterable[tuple[str, bytes]]) -> None:
         """Add one step. published: (port, recorded bytes), in the order of the scenario."""
-        parts = [self.value, step.to_bytes(8, "little", signed=True)]
+        parts = [self.value, step_key(step)]
         for port, data in published:
             parts += (port.encode(), data)
-        # One call of the hash for all parts: of few bytes, each takes longer than the hashing.
-        self.value = hashlib.sha256(b"".join(parts)).digest()
+        self.value = summed(parts)
+
+
+def step_key(step: int) -> bytes:
+    """Return a step as it is hashed: int64, little-endian."""
+    return step.to_bytes(8, "little", signed=True)
+
+
+def summed(parts: Iterable[bytes]) -> bytes:
+    """Return the SHA-256 of bytes: the value of a chain before, a step, and ports with messages."""
+    # One call of the hash for all parts: of few bytes, each takes longer than the hashing.
+    return hashlib.sha256(b"".join(parts)).digest()
 
 
 def messages_sha256(last_chain: bytes) -> str:

@@ -11,7 +11,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.chains import HashChain, messages_sha256
+from stepbus_orchestrator.recording.chains import HashChain, messages_sha256, step_key, summed
 from stepbus_orchestrator.recording.mcap_file import McapFile
 from stepbus_orchestrator.recording.sink import Descriptions, Published, Sink
 from stepbus_orchestrator.scenario.model import ParticipantSpec, partly_recorded
@@ -38,6 +38,7 @@ class _Port(NamedTuple):
     channel: int
     decode: Callable[[bytes | msgspec.Raw], Message]
     on_event: Callable[[str, str, int, Any], None] | None
+    key: bytes
 
 
 class Recorder(Sink):
@@ -76,6 +77,7 @@ class Recorder(Sink):
             if port not in self._partly.get(spec.name, ())
         }
         self._missing = dict.fromkeys(self._specs, 0)
+        self._every = {spec.name: spec.every for spec in order}
         self._chain_channel: int | None = None
         self._last_chain = b""
         self._calls_channel: int | None = None
@@ -110,7 +112,9 @@ class Recorder(Sink):
                 cls = self._types[output.type]
                 on_event = self._on_event if issubclass(cls, Event) else None
                 checked = viewing(cls) if output.bulk and on_event is None else cls
-                self._ports[name][port] = _Port(channel, Decoder(checked).plain, on_event)
+                self._ports[name][port] = _Port(
+                    channel, Decoder(checked).plain, on_event, port.encode()
+                )
         self._chain_channel = self._file.add_channel(layout.CHAIN_TOPIC, layout.CHAIN_TYPE, {})
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
@@ -177,8 +181,11 @@ class Recorder(Sink):
         messages: list[tuple[int, bytes]] = []
         try:
             try:
-                for published in self.revised(step, closing):
-                    self._collect(published, messages)
+                if self.reviser is None:
+                    self._collect_all(step, messages)
+                else:
+                    for published in self.revised(step, closing):
+                        self._collect(published, messages)
             finally:
                 self._add(messages, step * self._step_ns, step)
             is_due = is_last or closing is not None or layout.has_chain(step)
@@ -189,6 +196,39 @@ class Recorder(Sink):
         except MemoryError as exc:
             # Outputs that were taken from the queue may be lost: nothing may follow them.
             raise self._file.refuse(exc) from exc
+
+    def _collect_all(self, step: int, messages: list[tuple[int, bytes]]) -> None:
+        """Check what all have published at a step, and append it; called for every step."""
+        silent, step_bytes = self._silent, step_key(step)
+        for name, own in self._waiting.items():
+            if not own or own[0].step != step:
+                continue
+            outputs, chain, known = own.popleft(), self._chains[name], len(messages)
+            if outputs.bulk or name in self._partly or name in self._broken:
+                self._collect(self._published(name, outputs), messages)
+                continue
+            parts, plain, events = [chain.value, step_bytes], outputs.ports, []
+            try:
+                for port, (channel, decode, on_event, key) in self._ports[name].items():
+                    if port not in plain:
+                        continue
+                    data = bytes(plain[port])
+                    message = decode(data)
+                    messages.append((channel, data))
+                    parts += (key, data)
+                    if silent:
+                        silent.discard((name, port))
+                    if on_event is not None:
+                        events.append((on_event, port, message))
+            except UNDECODABLE:
+                # That says what is wrong.
+                del messages[known:]
+                self._collect(self._published(name, outputs), messages)
+                continue
+            chain.value = summed(parts)
+            self._missing[name] = step + self._every[name]
+            for on_event, port, message in events:
+                on_event(name, port, step, message)
 
     def _collect(self, published: Published, messages: list[tuple[int, bytes]]) -> None:
         """Check what one participant has published, and append it as (channel, content)."""
@@ -216,7 +256,7 @@ class Recorder(Sink):
             valid = content if number == len(content) else content[:number]
             self._chains[name].extend(step, valid)
         if fault is None:
-            self._missing[name] = step + self._specs[name].every
+            self._missing[name] = step + self._every[name]
         elif not self._is_aborting:
             # A second broken message must not hide the first, which ended the run.
             raise fault from cause

@@ -74,6 +74,10 @@ class Sink:
         """Keep the outputs of one participant, which come in the order of their steps."""
         self._waiting[name].append(outputs)
 
+    def offer_all(self, name: str, batch: Iterable[Outputs]) -> None:
+        """Keep several outputs of one participant."""
+        self._waiting[name].extend(batch)
+
     def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
         """Keep the content of a bulk port, before or after the outputs that announce it."""
         if self.is_recorded(name, port, step):

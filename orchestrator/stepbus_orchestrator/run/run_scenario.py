@@ -3,7 +3,7 @@
 import contextlib
 import dataclasses
 import threading
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -287,6 +287,12 @@ class _NoRecorder(Sink):
                     text = f"step {outputs.step}: {name}.{port} is {exc}"
                     raise ParticipantFault(text, participant=name, step=outputs.step) from exc
                 self._events.take(name, port, outputs.step, event)
+
+    def offer_all(self, name: str, batch: Iterable[Outputs]) -> None:
+        """Report the events among several outputs of one participant."""
+        if self._ports[name]:
+            for outputs in batch:
+                self.offer(name, outputs)
 
     def write_below(self, step: int) -> None:
         """Do nothing."""

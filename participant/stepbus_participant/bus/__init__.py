@@ -70,6 +70,10 @@ class Bus(Protocol):
     def clock(self) -> Clock:
         """Return the time in which its queues and queries wait."""
 
+    @property
+    def exchange(self) -> Any:
+        """Return the `Exchange` of participants in one thread; None: outputs go over the bus."""
+
     def queue(self) -> Queue:
         """Return a queue for what callbacks get; waiting for it lets the bus work."""
 

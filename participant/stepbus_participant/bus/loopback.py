@@ -10,6 +10,8 @@ from functools import lru_cache
 from queue import Empty, SimpleQueue
 from typing import Any, Literal
 
+from stepbus_schemas import Envelope
+
 from . import BusError, Clock, Queue, Request, Sample, every_on_a_thread
 
 _Role = Literal["subscriber", "receiver", "answerer", "watcher", "alive"]
@@ -31,6 +33,7 @@ class LoopbackBus:
     peer: any bus of the network to join; default: a new network. make_queue: of what it queues.
     clock: of the network.
     is_leaf: it has a link to `peer` only, so that what it publishes reaches no other.
+    exchange: of the participants that hand their outputs to each other without it.
     """
 
     def __init__(
@@ -46,12 +49,16 @@ class LoopbackBus:
         self._declared: list[_Declared] = [] if peer is None else peer._declared
         self._publishers: list[Callable[[], None]] = [] if peer is None else peer._publishers
         self._only = peer if is_leaf else None
+        self.exchange: Any = None if peer is None else peer.exchange
         self._closed = False
 
     every = staticmethod(every_on_a_thread)
 
     def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
-        """Return a function that publishes bytes; it raises BusError once the bus is closed."""
+        """Return a function that publishes bytes, or an envelope as it is.
+
+        It raises BusError once the bus is closed.
+        """
         # The same lists for as long as the network lives, so that a put has nothing to look up.
         receivers: list[Callable[[bytes], None]] = []
         subscribers: list[Callable[[Sample], None]] = []
@@ -60,10 +67,10 @@ class LoopbackBus:
             receivers[:] = self._reached("receiver", key, remote=remote)
             subscribers[:] = self._reached("subscriber", key, remote=remote)
 
-        def put(data: bytes, attachment: bytes = b"") -> None:
+        def put(data: Any, attachment: bytes = b"") -> None:
             if self._closed:
                 raise BusError(f"{key}: the bus is closed")
-            content = bytes(data)
+            content = data if isinstance(data, Envelope) else bytes(data)
             for receive in receivers:
                 receive(content)
             for take in subscribers:

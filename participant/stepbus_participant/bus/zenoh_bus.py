@@ -202,6 +202,8 @@ class ZenohBus:
 
         self._subscribe(key, on_sample)
 
+    exchange = None
+
     def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
         """Call `sink` with the content of each sample, on Zenoh's own receiving thread."""
 

@@ -74,7 +74,8 @@ class Control:
 
     orders: as of `watched_orders`. wake: queues of a participant that waits for an input. drops:
     cause → number of dropped messages, of those that are malformed or without the run's token
-    (P8.4). step_limit: the first step not yet released. started: once the run has started. calls:
+    (P8.4). step_limit: the first step not yet released. step: the one that is done. stop: how the run
+    ends, once that is known. started: once the run has started. calls:
     those to answer while waiting for the trigger. methods: that can be called, by name.
 
     A stop can overtake the last inputs, which arrive over other links. So it takes effect when
@@ -95,8 +96,8 @@ class Control:
         self._welcome = welcome
         self._token = welcome.token
         self._drops = drops
-        self._step = -1
-        self._stop: Stop | None = None
+        self.step = -1
+        self.stop: Stop | None = None
         self.calls: deque[Call] = deque()
         self._newest_id, self._newest_answer = -1, b""
         self._put_answer = bus.publisher(f"called/{welcome.name}", encoding_of("Called/1"))
@@ -115,13 +116,13 @@ class Control:
 
     def enter(self, step: int) -> None:
         """Start a step; raises Stopped when the run ends before it."""
-        self._step = step
-        if self._stop is not None:
-            self._end_if_due(self._stop)
+        self.step = step
+        if self.stop is not None:
+            self._end_if_due(self.stop)
 
     def _end_if_due(self, stop: Stop) -> None:
         # A negative `at_step` ends the run wherever it is (P11.1).
-        if self._step >= stop.at_step:
+        if self.step >= stop.at_step:
             raise Stopped(stop)
 
     def wait(self, timeout_s: float) -> bool:
@@ -136,10 +137,12 @@ class Control:
         self._process(key, data)
         return True
 
-    def poll(self) -> None:
-        """Process the messages that have arrived; raises as `wait` does."""
-        for _ in range(self._queue.qsize()):
+    def poll(self) -> int:
+        """Process the messages that have arrived, return how many; raises as `wait` does."""
+        count = self._queue.qsize()
+        for _ in range(count):
             self._process(*self._queue.get())  # no time-out: it is not empty
+        return count
 
     def _process(self, key: str, data: bytes) -> None:
         if key == _LOST:
@@ -160,7 +163,7 @@ class Control:
                 # Triggers may repeat, arrive late or skip numbers (P5.2).
                 self.step_limit = max(self.step_limit, message.step_limit)
             case Stop():
-                self._stop = message
+                self.stop = message
                 self._end_if_due(message)
             case Call():
                 self.calls.append(message)

@@ -1,6 +1,7 @@
 """What a participant publishes: one `Outputs` per step to its consumers, and logs in batches."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import msgspec
 
@@ -47,6 +48,12 @@ def read_stamp(attachment: bytes, token: str) -> int | None:
 
 BATCH_BYTES = 30_000
 """Most bytes of a batch (P9.2.3): the low-latency transport silently loses what exceeds 64 KiB."""
+
+_ENVELOPE_BYTES, _PORT_BYTES = 300, 20
+"""More than `Outputs` take beside the names and the contents of their ports, and for each port."""
+
+_UNENCODABLE = (TypeError, OverflowError, ValueError, msgspec.MsgspecError)
+_NO_PORT: tuple[type | None, None, tuple[()]] = (None, None, ())
 
 BATCH_AGE_NS = 50_000_000
 """Longest time a batch takes to fill (P9.2.2), so that the orchestrator sees slow steps [ns]."""
@@ -106,7 +113,7 @@ def own_types(ports: Mapping[str, str], types: Types) -> dict[str, OwnType]:
 class Outbox:
     """Publishes the outputs of one participant, and logs them in batches.
 
-    step: the newest one published. drops: cause → number of dropped messages, which logs report.
+    name: of the participant. step: the newest one published. drops: cause → number of dropped messages, which logs report.
     types: with those that do not ship. record_ns: time spent on logs, for a profile [ns].
     """
 
@@ -118,7 +125,7 @@ class Outbox:
         self._bus = bus
         self._now_ns = bus.clock.monotonic_ns
         # Of every message: what it needs is looked up once.
-        self._name, self._token, self._step_ns = welcome.name, welcome.token, welcome.step_ns
+        self.name, self._token, self._step_ns = welcome.name, welcome.token, welcome.step_ns
         self._batch, self._max_bytes = welcome.batch, welcome.max_outputs_bytes
         self._drops = drops
         self._classes = {port: types[config.type] for port, config in welcome.outputs.items()}
@@ -136,7 +143,8 @@ class Outbox:
             if config.bulk
         }
         self._slots: Mapping[str, SlotWriter] = {}
-        self._outputs: list[msgspec.Raw] = []
+        self._exchange: Any = None
+        self._outputs: list[Any] = []
         self._bytes = 0
         self._age_ns = 0
         self._timing: list[tuple[int, int, int]] = []
@@ -167,7 +175,49 @@ class Outbox:
         self._slots = slots
         if most_held > 1:
             self._most_held = most_held
-            self._put_batch = self._bus.publisher(f"out/{self._name}", encoding_of("Batch/1"))
+            self._put_batch = self._bus.publisher(f"out/{self.name}", encoding_of("Batch/1"))
+
+    def join(self, exchange: Any) -> None:
+        """Have the outputs of all steps go to readers in this thread, by `hand_over` only."""
+        self._exchange, name = exchange, self.name
+        self._readers = exchange.waiting[name]
+        most = self._max_bytes - _ENVELOPE_BYTES
+        self._most_bytes = most - sum(_PORT_BYTES + len(port.encode()) for port in self._classes)
+        self._rows = {
+            port: (cls, self._own.get(port), exchange.readers.get((name, port), ()))
+            for port, cls in self._classes.items()
+        }
+
+    def hand_over(
+        self, step: int, messages: Mapping[str, Message] | None, end: str | None
+    ) -> None:
+        """Publish as `publish` does, where no bus lies between."""
+        ports: dict[str, msgspec.Raw] = {}
+        size, rows = 0, self._rows
+        for port, message in messages.items() if messages else ():
+            cls, own, readers = rows.get(port, _NO_PORT)
+            try:
+                is_plain = type(message) is cls and own is None
+                data = encode(message) if is_plain else self._encode(step, port, message)
+            except _UNENCODABLE:
+                # It says of what.
+                data = self._encode(step, port, message)
+            size += len(data)
+            content = ports[port] = msgspec.Raw(data)
+            for pending in readers:
+                pending.append((step, content))
+        outputs = Outputs(
+            token=self._token, step=step, t_ns=step * self._step_ns, ports=ports, end=end
+        )
+        if size > self._most_bytes or end is not None:
+            self._check_size(step, len(encode(outputs)))
+        self.step = step
+        self._outputs.append(outputs)
+        exchange = self._exchange
+        exchange.steps[self.name] = step
+        exchange.words[exchange.places[self.name]] += 1
+        if self._readers:
+            exchange.wake(self.name)
 
     def publish(
         self, step: int, messages: Mapping[str, Message] | None, end: str | None = None
@@ -177,13 +227,14 @@ class Outbox:
         end: why the run should end after this step. Raises OutputError when a port or its type is
         not the scenario's, or when the outputs are too large.
         """
+        if self._exchange is not None:
+            self.hand_over(step, messages, end)
+            return
         ports: dict[str, msgspec.Raw] = {}
         bulk: dict[str, int] = {}
         slots: dict[str, int] = {}
         for port, message in (messages or {}).items():
             data = self._encode(step, port, message)
-            if port in self._own and (problem := self._own[port].problem(message, data)):
-                raise OutputError(f"step {step}: port {port!r}: {problem}")
             if port in self._slots:
                 bulk[port] = len(data)
                 slots[port] = self._slots[port].write(step, data)
@@ -194,11 +245,7 @@ class Outbox:
                 ports[port] = msgspec.Raw(data)
         packed = self._pack(step, ports, bulk, end, slots)
         size = len(packed)
-        if size > self._max_bytes:
-            raise OutputError(
-                f"step {step}: outputs of {size} bytes exceed the bus's limit of "
-                f"{self._max_bytes}; declare the large port {{bulk: true}}"
-            )
+        self._check_size(step, size)
         entry = msgspec.Raw(packed)
         if self._most_held > 1:
             if self._held_bytes + size > BATCH_BYTES:
@@ -212,6 +259,13 @@ class Outbox:
             self.flush()
         self._outputs.append(entry)
         self._bytes += size
+
+    def _check_size(self, step: int, size: int) -> None:
+        if size > self._max_bytes:
+            raise OutputError(
+                f"step {step}: outputs of {size} bytes exceed the bus's limit of "
+                f"{self._max_bytes}; declare the large port {{bulk: true}}"
+            )
 
     def send_held(self) -> None:
         """Publish the outputs that are held; to be called before each wait."""
@@ -233,11 +287,14 @@ class Outbox:
                 f"step {step}: port {port!r} takes {type_name(cls)}, got {type(message).__name__}"
             )
         try:
-            return encode(message)
-        except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
+            data = encode(message)
+        except _UNENCODABLE as exc:
             raise OutputError(
                 f"step {step}: cannot encode port {port!r}: {explained(exc)}"
             ) from exc
+        if port in self._own and (problem := self._own[port].problem(message, data)):
+            raise OutputError(f"step {step}: port {port!r}: {problem}")
+        return data
 
     def _pack(
         self,
@@ -281,14 +338,14 @@ class Outbox:
         # Nothing is logged before it is published.
         self.send_held()
         log = Log(
-            name=self._name,
+            name=self.name,
             token=self._token,
             outputs=self._outputs,
             timing=self._timing,
             waiting=waiting,
             drops=dict(self._drops),
         )
-        self._put_log(encode(log))
+        self._put_log(encode(log) if self._exchange is None else log)
         self._outputs, self._timing, self._bytes, self._age_ns = [], [], 0, 0
         if waiting is None:
             # A batch that is sent during a wait is part of the wait.

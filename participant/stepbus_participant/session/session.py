@@ -4,6 +4,7 @@ import contextlib
 import sys
 import traceback
 from collections.abc import Callable
+from typing import Any
 
 from stepbus_participant.bus import Bus, BusError, Queue
 from stepbus_participant.bus.slots import Slots
@@ -28,6 +29,7 @@ from stepbus_schemas import (
 
 from .admission import await_delivery, await_start, declared_ports, join
 from .control import Control, OrchestratorLost, Stopped, watched_orders
+from .exchange import ExchangingLoop
 from .outbox import Outbox, OutputError, names_of
 from .step_loop import StepLoop
 
@@ -78,12 +80,14 @@ class Session:
         drops: dict[str, int] = {}
         self._inputs = {name: Input(name, item, types) for name, item in welcome.inputs.items()}
         self._sources = make_sources(self._inputs, welcome.token, bus.queue, drops)
-        wake = []
+        wake: list[Any] = []
         for source in self._sources:
             bus.subscribe_content(f"out/{source.name}", source.queue.put)
             for port, queue in source.bulk_queues.items():
                 bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
             wake += [source.queue, *source.bulk_queues.values()]
+        if bus.exchange is not None:
+            wake.append(bus.exchange.join(welcome.name, self._inputs))
         self._control = Control(bus, welcome, orders, wake, drops)
         self._slots = Slots(ticket.slots, welcome)
         self._outbox = Outbox(welcome, bus, drops, types)
@@ -125,7 +129,7 @@ class Session:
         )
         participant.start(descriptions)
         self._control.methods = participant.calls()
-        loop = StepLoop(
+        loop = (StepLoop if self._bus.exchange is None else ExchangingLoop)(
             participant,
             self._welcome,
             self._bus,

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 from queue import Empty
-from typing import Any
+from typing import Any, NoReturn
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.slots import SlotError, Slots
@@ -44,7 +44,7 @@ class StepLoop:
             self._profiler = Profiler(Path(ticket.profile.folder) / f"{welcome.name}.csv")
             self._output = self._profiler.timed(self._output)
             self._update = self._profiler.timed(self._update)
-        self._bus = bus
+        self._bus, self._exchange = bus, bus.exchange
         self._now_ns = bus.clock.monotonic_ns
         self._every = welcome.every
         self._first = welcome.publishes == "first"
@@ -52,7 +52,7 @@ class StepLoop:
         self._inputs = list(inputs.values())
         self._sources = sources
         has_bulk = any(source.bulk_queues for source in sources)
-        self._reads_ahead = bool(sources) and not self._first and not has_bulk
+        self._reads_ahead = bool(sources) and not self._first and not has_bulk and bus.exchange is None
         self._outbox = outbox
         # Until here, empty batches have proven the link.
         outbox.record_ns = 0
@@ -71,10 +71,7 @@ class StepLoop:
     def run(self) -> None:
         """Step until the orchestrator stops the run; raises what the participant raises."""
         try:
-            while True:
-                self._control.enter(self.step.index)
-                self._one_step()
-                self.step.index += self._every
+            self._work()
         except StepsOver:
             self._await_stop()
         except Stopped as stopped:
@@ -83,6 +80,12 @@ class StepLoop:
             self._outbox.flush()
             if self._profiler is not None:
                 self._profiler.write()
+
+    def _work(self) -> None:
+        while True:
+            self._control.enter(self.step.index)
+            self._one_step()
+            self.step.index += self._every
 
     def _await_stop(self) -> None:
         """Report all steps that are done, and wait until the run ends before the next one."""
@@ -120,11 +123,14 @@ class StepLoop:
         if not self._first:
             self._publish(messages)
         elif messages:
-            raise OutputError(
-                f"step {step.index}: update returned {', '.join(messages)}, but with `publishes: "
-                "first` the outputs of this step are already published; return them from `output`"
-            )
+            self._refuse(messages)
         self._finish(self._now_ns() - started - self._waited_ns)
+
+    def _refuse(self, messages: Mapping[str, Message]) -> NoReturn:
+        raise OutputError(
+            f"step {self.step.index}: update returned {', '.join(messages)}, but with `publishes: "
+            "first` the outputs of this step are already published; return them from `output`"
+        )
 
     def _finish(self, computed_ns: int) -> None:
         outbox, step = self._outbox, self.step.index

@@ -5,7 +5,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from stepbus_participant import (
     import_participant,
     main,
 )
+from stepbus_participant.session.exchange import Exchange
 from stepbus_schemas import SPOKEN, Batch, WiringError
 
 _BATCH = 0x82
@@ -97,6 +98,7 @@ class LocalRun(Strategy):
         self._run = run
         self._is_star = is_star
         self._pid = os.getpid()
+        self._places: dict[str, int] = {}
         self._handlers: dict[int, Any] = {}
 
     @contextlib.contextmanager
@@ -172,8 +174,11 @@ class LocalRun(Strategy):
             }
         )
         self.state = run.state
+        options = {spec.name: run.start_options(spec) for spec in specs}
+        if not self._is_star and _can_exchange(scenario, options.values()):
+            self.bus.exchange = Exchange(self.hub, self.memory.words, self._places)
         for spec in specs:
-            hosted = self._host(spec, scenario, run.start_options(spec))
+            hosted = self._host(spec, scenario, options[spec.name])
             run.started(ParticipantState(spec, hosted))
             run.timing.event("spawn", spec.name, f"in process {hosted.pid}")
 
@@ -191,6 +196,7 @@ class LocalRun(Strategy):
             **options,
         )
         number = min(1 + scenario.participants.index(spec), MOST - 1)
+        self._places[spec.name] = PUBLISHED + number
         program = partial(main, make) if make else partial(_take_part, spec, scenario.folder)
         count = partial(count_steps, self.memory.words, PUBLISHED + number)
         self.bus.subscribe_content(f"out/{spec.name}", count)
@@ -210,6 +216,20 @@ class LocalRun(Strategy):
                 f"{spec.name} could not be started: cannot open its log: {exc.strerror}",
                 participant=spec.name,
             ) from exc
+
+
+_OVER_THE_BUS = ("faults", "checkpoint", "profile")
+"""Fields of a ticket that have to do with messages on the bus."""
+
+
+def _can_exchange(scenario: Scenario, options: Iterable[Mapping[str, Any]]) -> bool:
+    """Return whether nothing but the participants themselves takes part in what they publish."""
+    specs = scenario.participants
+    has_bulk = any(output.bulk for spec in specs for output in spec.outputs.values())
+    is_followed = any(spec.hold is not None for spec in specs)
+    return not (
+        has_bulk or is_followed or any(row.get(key) for row in options for key in _OVER_THE_BUS)
+    )
 
 
 def count_steps(words: "memoryview[float]", place: int, data: bytes) -> None:

@@ -48,10 +48,14 @@ class Barrier:
         """Count the outputs of a step; return whether it is the next one (P7.1)."""
         if step != self.reported[name] + self._every[name]:
             return False
-        self.reported[name] = step
-        self.count += 1
-        self._completed = None
+        self.advance(name, step, 1)
         return True
+
+    def advance(self, name: str, step: int, count: int) -> None:
+        """Count so many outputs, of which the newest is that of a step."""
+        self.reported[name] = step
+        self.count += count
+        self._completed = None
 
     @property
     def completed(self) -> int:

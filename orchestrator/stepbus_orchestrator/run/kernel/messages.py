@@ -1,7 +1,7 @@
 """What participants send the orchestrator: checked, and taken into the state of the run."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -65,8 +65,13 @@ class _WholeLog(Envelope, frozen=True):
 _decode_whole_log = msgspec.msgpack.Decoder(_WholeLog).decode
 
 
-def _decode_log(data: bytes) -> Log | _WholeLog:
-    """Return a log; where one of its entries is malformed, with their bytes: those before count."""
+def _decode_log(data: bytes | Log) -> Log | _WholeLog:
+    """Return a log; where one of its entries is malformed, with their bytes: those before count.
+
+    data: of a participant in this process, the log itself, with `Outputs` that are checked.
+    """
+    if isinstance(data, Log):
+        return data
     try:
         return _decode_whole_log(data)
     except UNDECODABLE:
@@ -178,7 +183,7 @@ class MessageHandler:
                 participant.ready = ready
                 self._timing.event("ready", participant.name)
 
-    def take_log(self, key_name: str, data: bytes) -> None:
+    def take_log(self, key_name: str, data: bytes | Log) -> None:
         """Take a batch of outputs (P9)."""
         sent = self.sender(_decode_log, data, key_name)
         if sent is None:
@@ -195,11 +200,13 @@ class MessageHandler:
         participant.missed_trigger = (
             waiting is not None and not waiting.sources and waiting.step < self._state.released
         )
-        if log.outputs:
+        if log is data:
+            self._take_checked(participant, log.outputs)
+        elif log.outputs:
             self.logs[participant.name].append(data)
         if isinstance(log, _WholeLog):
             self._take_batch(participant, log.outputs)
-        else:
+        elif log is not data:
             self._take_batch(participant, self._one_by_one(participant, log.outputs))
         if log.timing:
             self._add_timing(log)
@@ -246,6 +253,17 @@ class MessageHandler:
             offer(name, outputs)
             if outputs.end is not None and step >= state.ends_from.get(name, 0):
                 state.ask_end(step + 1, f"{name}: {outputs.end}")
+
+    def _take_checked(self, participant: ParticipantState, batch: Sequence[Any]) -> None:
+        """Take outputs that were checked when they were published."""
+        state, name = self._state, participant.name
+        if batch:
+            state.barrier.advance(name, batch[-1].step, len(batch))
+            state.newest[name] = batch[-1].ports
+            self._recorder.offer_all(name, batch)
+        for outputs in batch:
+            if outputs.end is not None and outputs.step >= state.ends_from.get(name, 0):
+                state.ask_end(outputs.step + 1, f"{name}: {outputs.end}")
 
     def _broken(self, participant: ParticipantState, what: str) -> ParticipantFault:
         reached("a participant breaks the protocol in its log")
