@@ -63,6 +63,7 @@ class ScriptedBus:
 
     clock = SimpleNamespace(monotonic=time.monotonic, monotonic_ns=int)
     queue = SimpleQueue
+    exchange = None
 
     def __init__(self):
         self.sent = []

@@ -237,7 +237,7 @@ class Recorder(Sink):
         fault, cause, number = published.fault, None, 0
         try:
             for port, data in content:
-                channel, decode, on_event = ports[port]
+                channel, decode, on_event, _ = ports[port]
                 message = decode(data)
                 number += 1
                 messages.append((channel, data))

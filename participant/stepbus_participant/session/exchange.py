@@ -39,9 +39,9 @@ class Exchange:
         self.places = places
         self._hub = hub
 
-    def join(self, name: str, inputs: Mapping[str, Input]) -> _Bell:
+    def join(self, name: str, every: int, inputs: Mapping[str, Input]) -> _Bell:
         """Add a participant; return what wakes it where it waits for another."""
-        self.steps[name] = -1 << 62
+        self.steps[name] = -every
         self.waiting.setdefault(name, [])
         for item in inputs.values():
             self.waiting.setdefault(item.config.source, [])

@@ -87,7 +87,7 @@ class Session:
                 bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
             wake += [source.queue, *source.bulk_queues.values()]
         if bus.exchange is not None:
-            wake.append(bus.exchange.join(welcome.name, self._inputs))
+            wake.append(bus.exchange.join(welcome.name, welcome.every, self._inputs))
         self._control = Control(bus, welcome, orders, wake, drops)
         self._slots = Slots(ticket.slots, welcome)
         self._outbox = Outbox(welcome, bus, drops, types)

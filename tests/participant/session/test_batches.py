@@ -29,6 +29,7 @@ class Bus:
     """Keeps what is published, by key, and all in their order."""
 
     clock = time
+    exchange = None
 
     def __init__(self):
         self.sent = defaultdict(list)

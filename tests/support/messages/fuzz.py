@@ -70,6 +70,7 @@ class HandBus:
     """A bus without a network: `hand` gives a sample to whoever listens to its key."""
 
     clock = time
+    exchange = None
     queue = SimpleQueue
 
     def __init__(self) -> None:

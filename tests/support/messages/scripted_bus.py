@@ -29,6 +29,7 @@ class Bus:
     """
 
     clock = time
+    exchange = None
     queue = SimpleQueue
 
     def __init__(self, welcome, script, later=()):

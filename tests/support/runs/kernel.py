@@ -144,6 +144,7 @@ class Bus:
     """
 
     clock = time
+    exchange = None
     queue = SimpleQueue
     every = staticmethod(every_on_a_thread)
 
