@@ -144,8 +144,8 @@ class Source:
 
     queue: where the bus puts the content of its samples. entries: messages that come before all in
     the queue: the rest of a `Batch`, or one that was taken before its step. step: the newest step
-    accepted; `-every`: none yet, as of `due_step`.
-    delay: the least of any input [steps]. connected: whether a handshake has arrived. drops: cause → number of dropped messages, of all
+    accepted; `-every`: none yet, as of `due_step`. delay: the least of any input [steps].
+    connected: whether a handshake has arrived. drops: cause → number of dropped messages, of all
     sources.
     """
 

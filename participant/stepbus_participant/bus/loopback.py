@@ -70,7 +70,7 @@ class LoopbackBus:
         def put(data: Any, attachment: bytes = b"") -> None:
             if self._closed:
                 raise BusError(f"{key}: the bus is closed")
-            content = data if isinstance(data, Envelope) else bytes(data)
+            content: Any = data if isinstance(data, Envelope) else bytes(data)
             for receive in receivers:
                 receive(content)
             for take in subscribers:

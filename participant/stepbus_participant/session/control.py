@@ -74,7 +74,7 @@ class Control:
 
     orders: as of `watched_orders`. wake: queues of a participant that waits for an input. drops:
     cause → number of dropped messages, of those that are malformed or without the run's token
-    (P8.4). step_limit: the first step not yet released. step: the one that is done. stop: how the run
+    (P8.4). step_limit: the first step not yet released. step: which is worked on. stop: how the run
     ends, once that is known. started: once the run has started. calls:
     those to answer while waiting for the trigger. methods: that can be called, by name.
 

@@ -102,15 +102,12 @@ class ExchangingLoop(StepLoop):
         outbox.join(self._exchange)
         while True:
             index = control.step = step.index
-            if control.stop is not None:
-                control.enter(index)
             started, self._waited_ns = now_ns(), 0
-            if index >= control.step_limit:
-                self._await_trigger(index)
+            if index >= control.step_limit or control.stop is not None:
+                self._await_release(index)
             if first:
                 # No input of this step may reach these outputs (P5.3).
-                messages = output(step)
-                hand_over(index, messages, step.end_reason)
+                hand_over(index, output(step), step.end_reason)
                 step.end_reason = None
             for source, delay, source_every in links:
                 # As of `due_step`; a call would take longer than all else.
@@ -130,6 +127,11 @@ class ExchangingLoop(StepLoop):
                 self._refuse(messages)
             outbox.finish(index, self._waited_ns, now_ns() - started - self._waited_ns)
             step.index += every
+
+    def _await_release(self, step: int) -> None:
+        self._control.enter(step)
+        if step >= self._control.step_limit:
+            self._await_trigger(step)
 
     def _await(self, source: str, due: int) -> None:
         """Wait for a source, however long it takes (P6.2)."""

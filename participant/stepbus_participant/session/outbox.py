@@ -113,8 +113,9 @@ def own_types(ports: Mapping[str, str], types: Types) -> dict[str, OwnType]:
 class Outbox:
     """Publishes the outputs of one participant, and logs them in batches.
 
-    name: of the participant. step: the newest one published. drops: cause → number of dropped messages, which logs report.
-    types: with those that do not ship. record_ns: time spent on logs, for a profile [ns].
+    name: of the participant. step: the newest one published. drops: cause → number of dropped
+    messages, which logs report. types: with those that do not ship. record_ns: time spent on logs,
+    for a profile [ns].
     """
 
     def __init__(
@@ -188,9 +189,7 @@ class Outbox:
             for port, cls in self._classes.items()
         }
 
-    def hand_over(
-        self, step: int, messages: Mapping[str, Message] | None, end: str | None
-    ) -> None:
+    def hand_over(self, step: int, messages: Mapping[str, Message] | None, end: str | None) -> None:
         """Publish as `publish` does, where no bus lies between."""
         ports: dict[str, msgspec.Raw] = {}
         size, rows = 0, self._rows

@@ -52,7 +52,9 @@ class StepLoop:
         self._inputs = list(inputs.values())
         self._sources = sources
         has_bulk = any(source.bulk_queues for source in sources)
-        self._reads_ahead = bool(sources) and not self._first and not has_bulk and bus.exchange is None
+        self._reads_ahead = (
+            bool(sources) and not self._first and not has_bulk and bus.exchange is None
+        )
         self._outbox = outbox
         # Until here, empty batches have proven the link.
         outbox.record_ns = 0

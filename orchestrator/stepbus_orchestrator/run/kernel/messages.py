@@ -65,7 +65,7 @@ class _WholeLog(Envelope, frozen=True):
 _decode_whole_log = msgspec.msgpack.Decoder(_WholeLog).decode
 
 
-def _decode_log(data: bytes | Log) -> Log | _WholeLog:
+def _decode_log(data: Any) -> Log | _WholeLog:
     """Return a log; where one of its entries is malformed, with their bytes: those before count.
 
     data: of a participant in this process, the log itself, with `Outputs` that are checked.
@@ -183,7 +183,7 @@ class MessageHandler:
                 participant.ready = ready
                 self._timing.event("ready", participant.name)
 
-    def take_log(self, key_name: str, data: bytes | Log) -> None:
+    def take_log(self, key_name: str, data: Any) -> None:
         """Take a batch of outputs (P9)."""
         sent = self.sender(_decode_log, data, key_name)
         if sent is None:
