@@ -137,12 +137,10 @@ class Control:
         self._process(key, data)
         return True
 
-    def poll(self) -> int:
-        """Process the messages that have arrived, return how many; raises as `wait` does."""
-        count = self._queue.qsize()
-        for _ in range(count):
+    def poll(self) -> None:
+        """Process the messages that have arrived; raises as `wait` does."""
+        for _ in range(self._queue.qsize()):
             self._process(*self._queue.get())  # no time-out: it is not empty
-        return count
 
     def _process(self, key: str, data: bytes) -> None:
         if key == _LOST:

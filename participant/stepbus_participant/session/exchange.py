@@ -1,25 +1,15 @@
 """How participants that take turns in one thread hand each other their outputs: without a bus."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, Protocol
+from queue import Empty
+from typing import Any
 
+from stepbus_participant.bus import Queue
 from stepbus_participant.inputs import Input
 from stepbus_schemas import Waiting
 
 from .step_loop import FLUSH_AFTER_S, StepLoop
-
-
-class _Hub(Protocol):
-    """Gives the thread to one participant after the other, see `inprocess.hub`."""
-
-    current: Any
-
-    def wait(self, hosted: Any, timeout_s: float | None) -> None: ...
-
-    def let_go_on(self, hosted: Any) -> None: ...
 
 
 class Exchange:
@@ -27,61 +17,33 @@ class Exchange:
 
     readers: (participant, port) → where its messages are kept until they are due, one for each
     input that reads them. steps: participant → newest step that it has published. waiting:
-    participant → those that wait for it. words, places: the memory of the outside watcher, and
-    where it counts the steps of each participant.
+    participant → the queues of those that wait for it. queues: participant → its own, which holds
+    nothing but what wakes it. words, places: the memory of the outside watcher, and where it counts
+    the steps of each participant.
     """
 
-    def __init__(self, hub: _Hub, words: memoryview[float], places: Mapping[str, int]) -> None:
+    def __init__(self, words: "memoryview[float]", places: Mapping[str, int]) -> None:
         self.readers: dict[tuple[str, str], list[deque[tuple[int, Any]]]] = {}
         self.steps: dict[str, int] = {}
-        self.waiting: dict[str, list[Any]] = {}
+        self.waiting: dict[str, list[Queue]] = {}
+        self.queues: dict[str, Queue] = {}
         self.words = words
         self.places = places
-        self._hub = hub
 
-    def join(self, name: str, every: int, inputs: Mapping[str, Input]) -> _Bell:
-        """Add a participant; return what wakes it where it waits for another."""
-        self.steps[name] = -every
+    def join(self, name: str, every: int, inputs: Mapping[str, Input], queue: Queue) -> None:
+        """Add a participant, with a queue of its bus."""
+        self.steps[name], self.queues[name] = -every, queue
         self.waiting.setdefault(name, [])
         for item in inputs.values():
             self.waiting.setdefault(item.config.source, [])
             row = self.readers.setdefault((item.config.source, item.config.port), [])
             row.append(item.pending)
-        return _Bell(self, self._hub.current)
-
-    def wait(self, source: str, timeout_s: float) -> None:
-        """Give the thread to others until a participant has published, or the time is over [s]."""
-        mine, waiting = self._hub.current, self.waiting[source]
-        waiting.append(mine)
-        self._hub.wait(mine, timeout_s)
-        if waiting and mine in waiting:
-            waiting.remove(mine)
 
     def wake(self, name: str) -> None:
         """Let those go on that wait for a participant."""
-        waiting = self.waiting[name]
-        for hosted in waiting:
-            hosted.has_expired = False
-            self._hub.let_go_on(hosted)
-        waiting.clear()
-
-    def ring(self, hosted: Any) -> None:
-        """Let a participant go on that waits for another one."""
-        if any(hosted in row for row in self.waiting.values()):
-            hosted.has_expired = False
-            self._hub.let_go_on(hosted)
-
-
-class _Bell:
-    """Stands for a queue that a participant reads while it waits for another one."""
-
-    def __init__(self, exchange: Exchange, hosted: Any) -> None:
-        self._exchange = exchange
-        self._hosted = hosted
-
-    def put(self, _item: object) -> None:
-        """Wake it."""
-        self._exchange.ring(self._hosted)
+        for queue in self.waiting[name]:
+            queue.put(None)
+        self.waiting[name].clear()
 
 
 class ExchangingLoop(StepLoop):
@@ -136,10 +98,15 @@ class ExchangingLoop(StepLoop):
     def _await(self, source: str, due: int) -> None:
         """Wait for a source, however long it takes (P6.2)."""
         start_ns, timeout, exchange = self._now_ns(), FLUSH_AFTER_S, self._exchange
-        exchange.wait(source, timeout)
+        queue, waiting = exchange.queues[self._outbox.name], exchange.waiting[source]
         while exchange.steps[source] < due:
-            if not self._control.poll() and timeout == FLUSH_AFTER_S:
-                self._outbox.flush(Waiting(step=self.step.index, sources=[source]))
-                timeout = 1.0
-            exchange.wait(source, timeout)
+            if queue not in waiting:
+                waiting.append(queue)
+            try:
+                queue.get(timeout=timeout)
+            except Empty:
+                if timeout == FLUSH_AFTER_S:
+                    self._outbox.flush(Waiting(step=self.step.index, sources=[source]))
+                    timeout = 1.0
+            self._control.poll()
         self._waited_ns += self._now_ns() - start_ns
