@@ -66,7 +66,7 @@ class FollowUp(Execution):
     def branch_late(self) -> str:
         """Go on from the newest step of any participant.
 
-        That is an error where others lack it, or where it is behind the end that one asks for.
+        That is an error where others lack it, or where the branch would end before it.
         """
         try:
             at = recorded_end(Recording(self._recording))

@@ -239,7 +239,7 @@ def _judge_follow_up(execution: Execution, kept: Sequence[Row]) -> Iterator[str]
 
 
 def _judge_crash(execution: Execution) -> Iterator[str]:
-    """Yield what is wrong behind an orchestrator that was killed."""
+    """Yield what is wrong after an orchestrator was killed."""
     path, watch = execution.out / "run.mcap", execution.watch
     if not path.exists():
         return

@@ -208,7 +208,7 @@ class Episode(RunExtension):
 
 
 class _CtrlC:
-    """Handles Ctrl-C as long as any episode is open: it comes behind the step.
+    """Handles Ctrl-C as long as any episode is open: it comes after the step.
 
     To set a handler at each step would take as long as a step. inside: is set by Ctrl-C in a step.
     """

@@ -43,7 +43,7 @@ _LAST_REPORTS_S = 0.1
 _LATE_REPORTS_S = 1.0
 """The same on a busy machine, where one of them has not."""
 _LAST_S = 0.5
-"""How long the last messages of a process may come behind its end [s]."""
+"""How long the last messages of a process may come after its end [s]."""
 _OWN_WORK_S = 60.0
 """How long a program that has left a complete run may work on, to save a plot for example [s]."""
 _LEAVE_S = 1.0
@@ -221,7 +221,7 @@ class Run:
             self._repeats.look(self.state.barrier.holders(), "step")
 
     def _close(self) -> None:
-        """Ask for the closing outputs (P11.3), and finish the recording behind them."""
+        """Ask for the closing outputs (P11.3), and finish the recording after them."""
         state, end = self.state, self.state.last_step
         schedule = Schedule(state.scenario)
         closing = [name for name in schedule.order if schedule.closing(name, end)]
@@ -516,7 +516,7 @@ class Run:
         return Decoder(scenario.types[types[output]])
 
     def end(self, reason: str) -> None:
-        """End the run behind the steps that are released; an extension's `completed` may ask so."""
+        """End the run after the steps that are released; an extension's `completed` may ask so."""
         self.state.ask_end(self.state.released, reason)
 
     def stop(self, reason: str, at_step: int = -1) -> None:

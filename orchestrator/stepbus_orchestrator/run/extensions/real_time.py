@@ -118,7 +118,7 @@ class RealTime(Grid):
         if overdue_ns >= 0 and barrier.step_limit <= released:
             self._holders.update(barrier.holders())
         elif overdue_ns >= 0 and others <= released:
-            # A pause or a call holds the run: the grid starts anew behind it.
+            # A pause or a call holds the run: the grid starts anew after it.
             self._origin_ns += overdue_ns
         due = super().limit(released)
         self._begin(max(released, min(due, others, barrier.step_limit)))
