@@ -25,7 +25,7 @@ from .tape import Knobs, Tape
 
 
 class FollowUp(Execution):
-    """Reruns, branches or replays the recording of a simulated run, as `then` of its tape says.
+    """Reruns, branches or replays the recording of an execution, as `then` of its tape says.
 
     complete: number of its complete steps. problem: why it failed; empty: it did not. new: the
     recording that it makes; None where it makes none. difference: between the two.
@@ -34,12 +34,13 @@ class FollowUp(Execution):
     writes_files = True
     """The scenario and its files are unpacked from the recording."""
 
-    def __init__(self, tape: Tape, recording: Path, out: Path, complete: int) -> None:
+    def __init__(self, execution: Execution, complete: int) -> None:
+        tape, out = execution.tape, execution.out.with_name("follow_up")
         super().__init__(Tape(tape.scenario, tape.steps, Knobs()), out)
         self.problem = ""
         self.new: Path | None = None
         self.difference = ""
-        self._recording = recording
+        self._recording = execution.out / "run.mcap"
         self._complete = complete
         self._do = FOLLOW_UPS[tape.then]
 

@@ -217,8 +217,7 @@ def _judge_follow_up(execution: Execution, kept: Sequence[Row]) -> Iterator[str]
     complete = min(lasts.get(topic, -1) for topic in _ports(truth))
     if complete < 2:
         return
-    folder = execution.out.with_name("follow_up")
-    follow_up = FollowUp(tape, execution.out / "run.mcap", folder, complete)
+    follow_up = FollowUp(execution, complete)
     follow_up.run()
     result = execution.result
     if result is not None and result.exit_code == 0 and follow_up.difference:
