@@ -189,7 +189,7 @@ class Bench:
         self.descriptions = dict(self.participant.describe())
         self.index = 0
         self._inputs = {name: Input(name, item, types) for name, item in inputs.items()}
-        self._ports = OutputPorts(outputs, types, has_all=True)
+        self._ports = OutputPorts(outputs, types, decodes_all=True)
         given = descriptions or {}
         self._ports.set_names(names_of(self.descriptions, given))
         self._step = Step(self._inputs, self.config.step_ns)

@@ -100,18 +100,18 @@ class _TypeCheck:
 class OutputPorts:
     """Checks and encodes the messages of a participant's output ports.
 
-    has_all: whether it decodes the messages of all ports to check them; else only those of the
+    decodes_all: whether it decodes the messages of all ports to check them; else only those of the
     user's own types, and the readers find the rest.
     """
 
     def __init__(
-        self, ports: Mapping[str, OutputConfig], types: Types, *, has_all: bool = False
+        self, ports: Mapping[str, OutputConfig], types: Types, *, decodes_all: bool = False
     ) -> None:
         self._classes = {port: types[config.type] for port, config in ports.items()}
         self._checks = {
             port: _TypeCheck(config.type, types)
             for port, config in ports.items()
-            if has_all or config.type in types.declarations
+            if decodes_all or config.type in types.declarations
         }
 
     def set_names(self, names: Mapping[str, Sequence[str]]) -> None:
