@@ -37,9 +37,8 @@ class FollowUp(Execution):
     def __init__(self, execution: Execution, complete: int) -> None:
         tape, out = execution.tape, execution.out.with_name("follow_up")
         super().__init__(Tape(tape.scenario, tape.steps, Knobs()), out)
-        self.problem = ""
+        self.problem = self.difference = ""
         self.new: Path | None = None
-        self.difference = ""
         self._recording = execution.out / "run.mcap"
         self._complete = complete
         self._do = FOLLOW_UPS[tape.then]
