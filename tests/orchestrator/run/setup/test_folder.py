@@ -1,13 +1,15 @@
 """Where a run writes: a folder of its own, also for runs that start in the same second."""
 
+import contextlib
 import subprocess
 import sys
 
 import pytest
 
+import stepbus
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.run.run_scenario import default_folder
+from stepbus_orchestrator.errors import RecordingFailed, StartFailed
+from stepbus_orchestrator.run.run_scenario import Options, default_folder, run
 from stepbus_orchestrator.scenario.load import load
 
 
@@ -37,7 +39,52 @@ def test_runs_that_start_together_do_not_share_a_folder(tmp_path):
     assert len(list((tmp_path / "runs").iterdir())) == 3
 
 
-def test_a_run_that_cannot_start_leaves_no_default_folder(tmp_path, monkeypatch):
+@pytest.fixture
+def empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert main(["run", "two_link", "--debug", "nobody"]) == 2
-    assert list(tmp_path.iterdir()) == []
+    return tmp_path
+
+
+@pytest.fixture
+def no_engine(monkeypatch):
+    for package in ("pybullet", "mujoco"):
+        monkeypatch.setitem(sys.modules, package, None)
+
+
+@pytest.mark.usefixtures("no_engine")
+@pytest.mark.parametrize(
+    "start",
+    [
+        lambda: main(["run", "two_link", "--debug", "nobody"]),
+        lambda: main(["run", "two_link", "--no-report"]),
+        lambda: main(["run", "two_link", "--no-report", "--in-process"]),
+        lambda: stepbus.run("two_link"),
+        lambda: stepbus.run("two_link", external={"nobody": "ticket"}),
+    ],
+)
+def test_a_run_that_cannot_start_leaves_no_default_folder(start, empty_folder):
+    with contextlib.suppress(stepbus.StepbusError):
+        assert start() == 2
+    assert list(empty_folder.iterdir()) == []
+
+
+def test_a_shell_that_allows_too_few_files_leaves_no_default_folder(empty_folder, monkeypatch):
+    limits = (30, 30)
+    monkeypatch.setattr("resource.getrlimit", lambda _kind: limits)
+    with pytest.raises(StartFailed, match="ulimit -n"):
+        run(load("two_link"), Options())
+    assert list(empty_folder.iterdir()) == []
+
+
+@pytest.mark.usefixtures("no_engine")
+def test_the_folder_that_a_view_needs_is_removed_from_a_run_that_cannot_start(
+    empty_folder, monkeypatch
+):
+    viewed = []
+    monkeypatch.setattr(
+        "stepbus_orchestrator.cli.run_command.viewed",
+        lambda folder, **_: contextlib.nullcontext(viewed.append(folder.is_dir())),
+    )
+    assert main(["run", "two_link", "--view", "--no-report"]) == 2
+    assert viewed == [True]
+    assert list((empty_folder / "runs").iterdir()) == []
