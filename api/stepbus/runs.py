@@ -14,7 +14,7 @@ from stepbus_orchestrator.analysis.verify import verify as verify_scenario
 from stepbus_orchestrator.run.describe import ParticipantDescription
 from stepbus_orchestrator.run.describe import describe as describe_scenario
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.run.extensions.external import External, as_external
+from stepbus_orchestrator.run.extensions.external import External
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.live_file import call as call_run
@@ -104,7 +104,6 @@ def run(
         raise WiringError(f"real_time must be a factor from 0.001 to 1000, not {real_time}")
     loaded = load(scenario, set=set, faults=faults)
     tickets = {name: Path(path) for name, path in (external or {}).items()}
-    loaded = as_external(loaded, tickets)
     chosen: list[RunExtension] = [External(tickets), *extensions]
     if pace is not None:
         chosen.append(pace)

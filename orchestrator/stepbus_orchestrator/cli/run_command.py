@@ -14,7 +14,7 @@ from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_orchestrator.plugins import AFTER_RUN, points
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions import load_extension
-from stepbus_orchestrator.run.extensions.debug import Debug, without_deadlines
+from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.external import External, external_names
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.profile import Profile
@@ -107,7 +107,7 @@ def _load(given: Run) -> Scenario:
         if not names:
             raise WiringError("--join-timeout is for participants with `start: external`")
         scenario = scenario.changed(names, spawn_timeout_ns=parse_duration(given.join_timeout))
-    return without_deadlines(scenario, [*given.debug, *given.no_deadline])
+    return scenario
 
 
 def _step(text: str, step_ns: int) -> int | None:
