@@ -2,7 +2,6 @@
 
 import difflib
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from pathlib import Path
 
 from cyclopts import (
@@ -14,6 +13,7 @@ from cyclopts import (
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import CommandBroken
+from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_participant import extra_hint
 from stepbus_schemas import StepbusError
 
@@ -80,9 +80,8 @@ def _sentence(error: CycloptsError) -> str:
     text = str(error)
     if isinstance(error, UnknownOptionError):
         # Many look for an option where the scenario has a value.
-        model = import_module("stepbus_orchestrator.scenario.model")
         word = error.token.keyword or ""
-        near = difflib.get_close_matches(word[2:], model.ScenarioFile.__struct_encode_fields__, 1)
+        near = difflib.get_close_matches(word[2:], ScenarioFile.__struct_encode_fields__, 1)
         if near and "Did you mean" not in text:
             return f"{text} Did you mean '--set {near[0]}=VALUE'?"
     return text

@@ -282,8 +282,3 @@ def test_a_participant_with_a_ticket_is_external_and_has_its_own_time_to_come(se
     tickets = External({"controller": Path(TICKET)})
     spec = tickets.prepare(load("two_link", settings)).participant("controller")
     assert (spec.is_external, spec.deadlines.spawn_s) == (True, spawn_s)
-
-
-def test_a_ticket_of_no_participant_is_refused():
-    with pytest.raises(WiringError, match="no participant 'controler'; did you mean 'controller'"):
-        External({"controler": Path(TICKET)}).prepare(load("two_link"))
