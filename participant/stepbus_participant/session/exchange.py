@@ -110,3 +110,6 @@ class ExchangingLoop(StepLoop):
                     timeout = 1.0
             self._control.poll()
         self._waited_ns += self._now_ns() - start_ns
+        if timeout != FLUSH_AFTER_S:
+            # The report may have crossed what was waited for (P9.3.3).
+            self._outbox.flush()

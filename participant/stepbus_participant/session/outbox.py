@@ -17,6 +17,7 @@ from stepbus_schemas import (
     Description,
     Log,
     Message,
+    OutputConfig,
     Outputs,
     StepbusError,
     Types,
@@ -53,7 +54,7 @@ _ENVELOPE_BYTES, _PORT_BYTES = 300, 20
 """More than `Outputs` take beside the names and the contents of their ports, and for each port."""
 
 _UNENCODABLE = (TypeError, OverflowError, ValueError, msgspec.MsgspecError)
-_NO_PORT: tuple[type | None, None, tuple[()]] = (None, None, ())
+_NO_PORT: tuple[type | None, Sequence[Any]] = (None, ())
 
 BATCH_AGE_NS = 50_000_000
 """Longest time a batch takes to fill (P9.2.2), so that the orchestrator sees slow steps [ns]."""
@@ -73,8 +74,8 @@ def names_of(
     return {port: inputs.get(row.like or "", row).names for port, row in outputs.items()}
 
 
-class OwnType:
-    """Finds what the readers of a port of the user's own type could not take.
+class _TypeCheck:
+    """Checks the messages of one port as its readers decode them.
 
     names: of the port's description.
     """
@@ -83,13 +84,13 @@ class OwnType:
         self._decoder = Decoder(types[name])
         self._rows = {
             field: row
-            for field, row in fields_of(types.declarations[name]).items()
+            for field, row in fields_of(types.declarations.get(name, {})).items()
             if parts_of(row["type"])[1][:1] == [_PER_NAME]
         }
         self.names: Sequence[str] = ()
 
     def problem(self, message: Message, data: bytes) -> str:
-        """Return what is wrong with a message, or nothing; data: the message, encoded."""
+        """Return the problem of a message; empty: there is none. data: the message, encoded."""
         try:
             self._decoder.plain(data)
         except UNDECODABLE as exc:
@@ -103,11 +104,54 @@ class OwnType:
         return ""
 
 
-def own_types(ports: Mapping[str, str], types: Types) -> dict[str, OwnType]:
-    """Return what checks the ports of the user's own types; ports: name → type."""
-    return {
-        port: OwnType(name, types) for port, name in ports.items() if name in types.declarations
-    }
+class OutputPorts:
+    """Checks and encodes the messages of a participant's output ports.
+
+    classes: port → its class. checks: of the ports whose messages are decoded to check them.
+    decodes_all: these are all; else only those of the user's own types, and the readers find the
+    rest.
+    """
+
+    def __init__(
+        self, ports: Mapping[str, OutputConfig], types: Types, *, decodes_all: bool = False
+    ) -> None:
+        self.classes = {port: types[config.type] for port, config in ports.items()}
+        self.checks = {
+            port: _TypeCheck(config.type, types)
+            for port, config in ports.items()
+            if decodes_all or config.type in types.declarations
+        }
+
+    def set_names(self, names: Mapping[str, Sequence[str]]) -> None:
+        """Take the names of the ports' descriptions, by port."""
+        for port, check in self.checks.items():
+            check.names = names.get(port, ())
+
+    def encode(self, step: int, port: str, message: Message) -> bytes:
+        """Return a message of a step as bytes.
+
+        Raises OutputError for a port that the scenario lacks, a message of another type, and a
+        message that cannot be encoded or that no reader could decode.
+        """
+        cls = self.classes.get(port)
+        if cls is None:
+            known = ", ".join(self.classes) or "none"
+            raise OutputError(
+                f"step {step}: the scenario has no output port {port!r}; it has {known}"
+            )
+        if type(message) is not cls:
+            raise OutputError(
+                f"step {step}: port {port!r} takes {type_name(cls)}, got {type(message).__name__}"
+            )
+        try:
+            data = encode(message)
+        except _UNENCODABLE as exc:
+            raise OutputError(
+                f"step {step}: cannot encode port {port!r}: {explained(exc)}"
+            ) from exc
+        if port in self.checks and (problem := self.checks[port].problem(message, data)):
+            raise OutputError(f"step {step}: port {port!r}: {problem}")
+        return data
 
 
 class Outbox:
@@ -129,8 +173,7 @@ class Outbox:
         self.name, self._token, self._step_ns = welcome.name, welcome.token, welcome.step_ns
         self._batch, self._max_bytes = welcome.batch, welcome.max_outputs_bytes
         self._drops = drops
-        self._classes = {port: types[config.type] for port, config in welcome.outputs.items()}
-        self._own = own_types({p: config.type for p, config in welcome.outputs.items()}, types)
+        self._ports = OutputPorts(welcome.outputs, types)
         self._put = bus.publisher(f"out/{welcome.name}", encoding_of("Outputs/1"))
         self._put_batch = self._put
         self._most_held = 1
@@ -171,8 +214,7 @@ class Outbox:
         (P17). most_held: how many steps may go out in one message, since no participant waits for
         them (P7.6).
         """
-        for port, own in self._own.items():
-            own.names = names.get(port, ())
+        self._ports.set_names(names)
         self._slots = slots
         if most_held > 1:
             self._most_held = most_held
@@ -183,10 +225,14 @@ class Outbox:
         self._exchange, name = exchange, self.name
         self._readers = exchange.waiting[name]
         most = self._max_bytes - _ENVELOPE_BYTES
-        self._most_bytes = most - sum(_PORT_BYTES + len(port.encode()) for port in self._classes)
+        classes = self._ports.classes
+        self._most_bytes = most - sum(_PORT_BYTES + len(port.encode()) for port in classes)
         self._rows = {
-            port: (cls, self._own.get(port), exchange.readers.get((name, port), ()))
-            for port, cls in self._classes.items()
+            port: (
+                None if port in self._ports.checks else cls,
+                exchange.readers.get((name, port), ()),
+            )
+            for port, cls in classes.items()
         }
 
     def hand_over(self, step: int, messages: Mapping[str, Message] | None, end: str | None) -> None:
@@ -194,13 +240,13 @@ class Outbox:
         ports: dict[str, msgspec.Raw] = {}
         size, rows = 0, self._rows
         for port, message in messages.items() if messages else ():
-            cls, own, readers = rows.get(port, _NO_PORT)
+            cls, readers = rows.get(port, _NO_PORT)
             try:
-                is_plain = type(message) is cls and own is None
-                data = encode(message) if is_plain else self._encode(step, port, message)
+                is_plain = type(message) is cls
+                data = encode(message) if is_plain else self._ports.encode(step, port, message)
             except _UNENCODABLE:
-                # It says of what.
-                data = self._encode(step, port, message)
+                # It says which one.
+                data = self._ports.encode(step, port, message)
             size += len(data)
             content = ports[port] = msgspec.Raw(data)
             for pending in readers:
@@ -233,7 +279,7 @@ class Outbox:
         bulk: dict[str, int] = {}
         slots: dict[str, int] = {}
         for port, message in (messages or {}).items():
-            data = self._encode(step, port, message)
+            data = self._ports.encode(step, port, message)
             if port in self._slots:
                 bulk[port] = len(data)
                 slots[port] = self._slots[port].write(step, data)
@@ -273,27 +319,6 @@ class Outbox:
             self._put(bytes(held[0]))
         elif held:
             self._put_batch(encode(Batch(token=self._token, outputs=held)))
-
-    def _encode(self, step: int, port: str, message: Message) -> bytes:
-        cls = self._classes.get(port)
-        if cls is None:
-            known = ", ".join(self._classes) or "none"
-            raise OutputError(
-                f"step {step}: the scenario has no output port {port!r}; it has {known}"
-            )
-        if type(message) is not cls:
-            raise OutputError(
-                f"step {step}: port {port!r} takes {type_name(cls)}, got {type(message).__name__}"
-            )
-        try:
-            data = encode(message)
-        except _UNENCODABLE as exc:
-            raise OutputError(
-                f"step {step}: cannot encode port {port!r}: {explained(exc)}"
-            ) from exc
-        if port in self._own and (problem := self._own[port].problem(message, data)):
-            raise OutputError(f"step {step}: port {port!r}: {problem}")
-        return data
 
     def _pack(
         self,

@@ -25,7 +25,7 @@ from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import METRICS_FOLDER, Bundle
 from stepbus_tools.sweep.rows import ResultRow, failed_row
 from stepbus_tools.sweep.spec import overrides_of
-from stepbus_tools.sweep.sweep_metrics import Metrics, Value, builtin_metrics
+from stepbus_tools.sweep.sweep_metrics import UserMetrics, Value, builtin_metrics
 
 Files = Mapping[str, bytes]
 """Name → content of the files of a run."""
@@ -48,7 +48,7 @@ class Trials:
         self._folder = Path(self._temporary.name)
         self._source = self._folder / "source"
         self._scenario = bundle.unpack(self._source)
-        self._metrics: Metrics | None = None
+        self._metrics: UserMetrics | None = None
 
     def __enter__(self) -> Self:
         """Return it."""
@@ -63,10 +63,10 @@ class Trials:
         scenario = load(self._scenario, self._bundle.settings)
         return [spec.participant for spec in scenario.participants if spec.participant]
 
-    def load_metrics(self) -> Metrics:
+    def load_metrics(self) -> UserMetrics:
         """Load the user's metrics, once; raises MetricFailed for one that cannot be loaded."""
         if self._metrics is None:
-            self._metrics = Metrics(self._bundle.metrics, self._source / METRICS_FOLDER)
+            self._metrics = UserMetrics(self._bundle.metrics, self._source / METRICS_FOLDER)
         return self._metrics
 
     def run(self, point: Point) -> tuple[ResultRow, Files]:
