@@ -53,6 +53,9 @@ BATCH_BYTES = 30_000
 _ENVELOPE_BYTES, _PORT_BYTES = 300, 20
 """More than `Outputs` take beside the names and the contents of their ports, and for each port."""
 
+_HANDED_OVER = 16
+"""Steps of a batch that need not be encoded; the more, the longer lasts the step that records."""
+
 _UNENCODABLE = (TypeError, OverflowError, ValueError, msgspec.MsgspecError)
 _NO_PORT: tuple[type | None, Sequence[Any]] = (None, ())
 
@@ -223,6 +226,7 @@ class Outbox:
     def join(self, exchange: Any) -> None:
         """Have the outputs of all steps go to readers in this thread, by `hand_over` only."""
         self._exchange, name = exchange, self.name
+        self._batch = min(self._batch, _HANDED_OVER)
         self._readers = exchange.waiting[name]
         most = self._max_bytes - _ENVELOPE_BYTES
         classes = self._ports.classes

@@ -183,7 +183,8 @@ class Hub:
     """Gives the thread to one participant after the other, in the order in which they can go on.
 
     current: whose turn it is. hosted: all participants. before: is called before they get their
-    turns. away: is called where no participant can go on; returns whether one can then.
+    turns. has_news: whether something has come that no participant waits for. root: its creator's
+    greenlet. away: is called where no participant can go on; returns whether one can then.
     Its creator is the root: it gets the thread back where no participant can go on, and when its
     own queue has something.
     """
@@ -194,8 +195,9 @@ class Hub:
         self.before: Callable[[], None] = lambda: None
         self.away: Callable[[], bool] = lambda: False
         self.hosted: list[HostedParticipant] = []
+        self.has_news = False
         self._ready: deque[HostedParticipant] = deque()
-        self._root = getcurrent()
+        self.root = getcurrent()
 
     def let_go_on(self, hosted: HostedParticipant) -> None:
         """Give a participant its turn after all that have one already."""
@@ -215,19 +217,15 @@ class Hub:
             self.before()
             hosted.take_turn(raised)
 
-    def wait(self, hosted: HostedParticipant, timeout_s: float | None) -> None:
-        """Wait in the turn of a participant; its queue, or the time-out, ends that."""
-        if timeout_s is not None:
-            hosted.deadline_s = self.clock.monotonic() + timeout_s
-        self._root.switch()
-
     def rest(self, timeout_s: float | None, has_come: Callable[[], bool]) -> None:
         """Run every ready participant until something has come for the root or the time is over."""
         monotonic, ready = self.clock.monotonic, self._ready
         until_s = float("inf") if timeout_s is None else monotonic() + timeout_s
         while True:
             self.before()
-            while ready:
+            # The root records what is complete soon: a long batch would make one step last.
+            self.has_news = False
+            while ready and not self.has_news:
                 ready.popleft().take_turn()
             if has_come():
                 return
@@ -264,29 +262,31 @@ class HubQueue:
         """Add an item, and let its reader go on."""
         self._items.append(item)
         reader = self._reader
-        if reader is not None:
+        if reader is None:
+            self._hub.has_news = True
+        else:
             self._reader = None
             reader.has_expired = False
             self._hub.let_go_on(reader)
 
     def get(self, block: bool = True, timeout: float | None = None) -> Any:
         """Return the oldest item; raises Empty after the time-out [s]."""
-        if not self._items:
-            if block:
-                self._wait(timeout)
-            if not self._items:
-                raise Empty
-        return self._items.popleft()
-
-    def _wait(self, timeout_s: float | None) -> None:
-        reader = self._reader = self._hub.current
-        if reader is None:
-            self._hub.rest(timeout_s, lambda: bool(self._items))
-            return
-        try:
-            self._hub.wait(reader, timeout_s)
-        finally:
-            self._reader = None
+        hub, items = self._hub, self._items
+        if not items and block:
+            reader = self._reader = hub.current
+            if reader is None:
+                hub.rest(timeout, lambda: bool(items))
+            else:
+                if timeout is not None:
+                    reader.deadline_s = hub.clock.monotonic() + timeout
+                try:
+                    # This queue, or the time-out, gives it its next turn.
+                    hub.root.switch()
+                finally:
+                    self._reader = None
+        if not items:
+            raise Empty
+        return items.popleft()
 
     def empty(self) -> bool:
         """Return whether there is no item."""
