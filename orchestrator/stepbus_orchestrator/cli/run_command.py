@@ -91,6 +91,7 @@ def _made_before(scenario: Scenario) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             folder.rmdir()
+            folder.parent.rmdir()
 
 
 def _load(given: Run) -> Scenario:

@@ -57,11 +57,14 @@ def no_engine(monkeypatch):
     [
         lambda: main(["run", "two_link", "--debug", "nobody"]),
         lambda: main(["run", "two_link", "--no-report"]),
+        lambda: main(["run", "two_link", "--no-report", "--view"]),
         lambda: stepbus.run("two_link"),
         lambda: stepbus.run("two_link", external={"nobody": "ticket"}),
     ],
 )
-def test_a_run_that_cannot_start_leaves_no_default_folder(start, empty_folder):
+def test_a_run_that_cannot_start_leaves_no_default_folder(start, empty_folder, monkeypatch):
+    viewed = "stepbus_orchestrator.cli.run_command.viewed"
+    monkeypatch.setattr(viewed, lambda *_, **__: contextlib.nullcontext())
     with contextlib.suppress(stepbus.StepbusError):
         assert start() == 2
     assert list(empty_folder.iterdir()) == []
@@ -72,11 +75,3 @@ def test_a_shell_that_allows_too_few_files_leaves_no_default_folder(empty_folder
     with pytest.raises(StartFailed, match="ulimit -n"):
         run(load("two_link"), Options())
     assert list(empty_folder.iterdir()) == []
-
-
-@pytest.mark.usefixtures("no_engine")
-def test_a_run_that_cannot_start_removes_the_folder_that_its_view_needs(empty_folder, monkeypatch):
-    view = "stepbus_orchestrator.cli.run_command.viewed"
-    monkeypatch.setattr(view, lambda *_, **__: contextlib.nullcontext())
-    assert main(["run", "two_link", "--view", "--no-report"]) == 2
-    assert list((empty_folder / "runs").iterdir()) == []
