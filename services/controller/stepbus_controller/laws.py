@@ -2,14 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol, cast
+from operator import add
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 
 from stepbus_controller.params import GainParams, Params, PIDParams
-from stepbus_kinematics import RobotModel, Vector
+from stepbus_kinematics import RobotModel, Values, Vector
 from stepbus_participant import Config, PerName, make_plugin
 from stepbus_schemas import WiringError
+
+V = TypeVar("V")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,12 +70,12 @@ def make_robot(config: Config, params: Params) -> Robot:
     return Robot(joints=names, effort_limit=limit, model=model)
 
 
-class Reference(NamedTuple):
+class Reference(NamedTuple, Generic[V]):
     """Reference of the joints: position, velocity, acceleration [rad, rad/s, rad/s²]."""
 
-    position: Vector
-    velocity: Vector
-    acceleration: Vector
+    position: V
+    velocity: V
+    acceleration: V
 
 
 class Law(Protocol):
@@ -85,7 +88,7 @@ class Law(Protocol):
 
     def __init__(self, robot: Robot, params: Any, /) -> None: ...
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
+    def torque(self, q: Vector, v: Vector, reference: Reference[Vector], dt: float, /) -> Vector:
         """Return the torques to command [N·m]; the controller clips them at the effort limits.
 
         q, v: positions and velocities [rad, rad/s]. dt: time between two calls [s].
@@ -110,16 +113,17 @@ class PD:
 
     def set_gains(self, params: Any) -> None:
         """Set the gains from parameters; the integral is kept."""
-        self._kp = self._gain(params.kp)
-        self._kd = self._gain(params.kd)
+        self._kp: list[float] = params.kp.of(self._robot.joints)
+        self._kd: list[float] = params.kd.of(self._robot.joints)
 
-    def _gain(self, value: PerName) -> Vector:
-        """Return a gain of each joint, shape (n,)."""
-        return np.array(value.of(self._robot.joints))
-
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
+    def torque(self, q: Vector, v: Vector, reference: Reference[Vector], dt: float, /) -> Vector:
         """See `Law`."""
-        return self._kp * (reference.position - q) + self._kd * (reference.velocity - v)
+        return np.array(self.efforts(q, v, reference, dt))
+
+    def efforts(self, q: Values, v: Values, reference: Reference[Any], dt: float, /) -> list[float]:
+        """Return the torques as a list: for few joints, lists are quicker than arrays."""
+        rows = zip(self._kp, self._kd, reference.position, q, reference.velocity, v, strict=True)
+        return [kp * (q_d - q) + kd * (v_d - v) for kp, kd, q_d, q, v_d, v in rows]
 
 
 class PID(PD):
@@ -146,13 +150,13 @@ class PID(PD):
     def set_gains(self, params: Any) -> None:
         """See `PD`."""
         super().set_gains(params)
-        self._ki = self._gain(params.ki)
-        self._inertia = self._gain(params.feed_forward)
+        self._ki = np.array(params.ki.of(self._robot.joints))
+        self._inertia = np.array(params.feed_forward.of(self._robot.joints))
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
-        """See `Law`."""
-        error = reference.position - q
-        proportional = super().torque(q, v, reference, dt)
+    def efforts(self, q: Values, v: Values, reference: Reference[Any], dt: float, /) -> list[float]:
+        """See `PD`."""
+        error = np.subtract(reference.position, q)
+        proportional = np.array(super().efforts(q, v, reference, dt))
         if self._inertia.any():
             proportional = proportional + self._inertia * reference.acceleration
         integral = self.integral + self._ki * error * dt
@@ -161,7 +165,7 @@ class PID(PD):
         if winds_up.any():
             integral[winds_up] = self.integral[winds_up]
         self.integral = integral
-        return proportional + self.integral
+        return cast("list[float]", (proportional + integral).tolist())
 
 
 class PDGravity(PD):
@@ -170,10 +174,10 @@ class PDGravity(PD):
     Siciliano et al., Robotics, 2009, section 8.5.1.
     """
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
-        """See `Law`."""
-        gravity = self._robot.require_model().gravity_torque(q)
-        return gravity + super().torque(q, v, reference, dt)
+    def efforts(self, q: Values, v: Values, reference: Reference[Any], dt: float, /) -> list[float]:
+        """See `PD`."""
+        gravity = self._robot.require_model().gravity_torque(q).tolist()
+        return list(map(add, gravity, super().efforts(q, v, reference, dt)))
 
 
 class ComputedTorque(PD):
@@ -185,10 +189,13 @@ class ComputedTorque(PD):
 
     gains: ClassVar[Mapping[str, str]] = {"kp": "1/s²", "kd": "1/s"}
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
-        """See `Law`."""
-        acceleration = reference.acceleration + super().torque(q, v, reference, dt)
-        return self._robot.require_model().inverse_dynamics(q, v, acceleration)
+    def efforts(self, q: Values, v: Values, reference: Reference[Any], dt: float, /) -> list[float]:
+        """See `PD`."""
+        feedback = super().efforts(q, v, reference, dt)
+        acceleration = list(map(add, reference.acceleration, feedback))
+        model = self._robot.require_model()
+        torques: list[float] = model.inverse_dynamics(q, v, acceleration).tolist()
+        return torques
 
 
 LAWS: dict[str, type[PD]] = {
