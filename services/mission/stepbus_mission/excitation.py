@@ -49,8 +49,7 @@ class Chirp:
 
     def __init__(self, joints: Sequence[str], params: ChirpParams) -> None:
         self._sweep, self._omega, self._end = params.sweep, params.omega, params.omega_end
-        rows = zip(params.amplitude.of(joints), params.offset.of(joints), strict=True)
-        self._rows = tuple(rows)
+        self._rows = tuple(zip(params.amplitude.of(joints), params.offset.of(joints), strict=True))
 
     def at(self, t: float) -> JointReference:
         """See `stepbus_mission.generators.Generator`."""
