@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import msgspec
 
@@ -96,23 +97,19 @@ class SimulatedPlant(Remembers):
         """
         self.joints.efforts = []
         self.script.run(self.t_ns)
-        grippers = self.devices.grippers.values()
+        moving, grippers = self.script.moving.values(), self.devices.grippers.values()
+        jams = [self.script] if self.script.jammed else []
+        before: list[Any] = [*self.motors.drives, *moving, *jams, *grippers]
+        after: list[Any] = [*grippers, *moving, *self.devices.felt]
+        if self._kinematics is not None:
+            before, after = [*self.motors.drives, *moving], [*moving]
         for _ in self._substeps:
-            for drive in self.motors.drives:
-                drive.before_substep()
-            self.script.carry()
-            if self._kinematics is not None:
-                self.script.after_substep(self._step_ns * 1e-9)
-                continue
-            self.script.before_substep()
-            for gripper in grippers:
-                gripper.before_substep()
-            self.physics.engine.step()
-            for gripper in grippers:
-                gripper.after_substep(self._step_ns * 1e-9)
-            self.script.after_substep(self._step_ns * 1e-9)
-            for sensor in self.devices.felt:
-                sensor.after_substep(self._step_ns * 1e-9)
+            for item in before:
+                item.before_substep()
+            if self._kinematics is None:
+                self.physics.engine.step()
+            for item in after:
+                item.after_substep(self._step_ns * 1e-9)
         if self._kinematics is not None:
             self._kinematics.advance(self._period_ns * 1e-9)
         for gripper in grippers:
@@ -130,7 +127,7 @@ class SimulatedPlant(Remembers):
         steps without contact.
         """
         cameras = self.devices.cameras.values()
-        is_busy = self.script.is_moving or any(camera.is_busy for camera in cameras)
+        is_busy = bool(self.script.moving) or any(camera.is_busy for camera in cameras)
         engine = self.physics.engine.save()
         if is_busy or self._kinematics or not (engine or self._is_only_joints()):
             return None
