@@ -32,7 +32,7 @@ from stepbus_schemas import (
     due_step,
 )
 
-_Motion = tuple[Sequence[float], Sequence[float], Sequence[float]]
+_Three = tuple[Sequence[float], Sequence[float], Sequence[float]]
 
 
 class _State(msgspec.Struct, forbid_unknown_fields=True):
@@ -42,9 +42,9 @@ class _State(msgspec.Struct, forbid_unknown_fields=True):
     which joints.
     """
 
-    motion: _Motion | None = None
+    motion: _Three | None = None
     measured_ns: int = 0
-    reference: Reference[Sequence[float]] | None = None
+    reference: _Three | None = None
     saturated: list[bool] = []
     has_reported_delay: bool = False
 
@@ -149,7 +149,7 @@ class Controller(Participant):
         command = JointCommand(mode="torque", values=values)
         if self._status_port is None:
             return {self._command_port: command}
-        error = list(map(sub, reference.position, position))
+        error = list(map(sub, reference[0], position))
         return {self._command_port: command, self._status_port: self._status(error, wanted, values)}
 
     def save(self) -> bytes | None:
@@ -180,13 +180,13 @@ class Controller(Participant):
         if step.is_new(self._reference_port):
             reference = step.read(self._reference_port, JointReference)
             ordered = self._reference_order.ordered
-            self._state.reference = Reference(
+            self._state.reference = (
                 ordered(reference.position, "position"),
                 ordered(reference.velocity, "velocity"),
                 ordered(reference.acceleration, "acceleration"),
             )
 
-    def _sense(self, state: JointState, step: int) -> _Motion:
+    def _sense(self, state: JointState, step: int) -> _Three:
         position = q = self._state_order.ordered(state.position, "position")
         if self._smoother is not None:
             q = self._smoother.update(np.array(q)).tolist()
@@ -206,7 +206,7 @@ class Controller(Participant):
             v = self._velocity_smoother.update(np.array(v)).tolist()
         return position, q, v
 
-    def _own_torques(self, q: Any, v: Any, reference: Reference[Any], step: int) -> list[float]:
+    def _own_torques(self, q: Any, v: Any, reference: _Three, step: int) -> list[float]:
         """Return the torques of a law of the user's own; raises RunError for a wrong shape."""
         arrays = Reference(*map(np.array, reference))
         torque = self.law.torque(np.array(q), np.array(v), arrays, self._dt)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from operator import add
-from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar, cast
+from typing import Any, ClassVar, NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from stepbus_kinematics import RobotModel, Values, Vector
 from stepbus_participant import Config, PerName, make_plugin
 from stepbus_schemas import WiringError
 
-V = TypeVar("V")
+Three = tuple[Values, Values, Values]
+"""A `Reference` of arrays or lists."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,12 +71,12 @@ def make_robot(config: Config, params: Params) -> Robot:
     return Robot(joints=names, effort_limit=limit, model=model)
 
 
-class Reference(NamedTuple, Generic[V]):
+class Reference(NamedTuple):
     """Reference of the joints: position, velocity, acceleration [rad, rad/s, rad/s²]."""
 
-    position: V
-    velocity: V
-    acceleration: V
+    position: Vector
+    velocity: Vector
+    acceleration: Vector
 
 
 class Law(Protocol):
@@ -88,7 +89,7 @@ class Law(Protocol):
 
     def __init__(self, robot: Robot, params: Any, /) -> None: ...
 
-    def torque(self, q: Vector, v: Vector, reference: Reference[Vector], dt: float, /) -> Vector:
+    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
         """Return the torques to command [N·m]; the controller clips them at the effort limits.
 
         q, v: positions and velocities [rad, rad/s]. dt: time between two calls [s].
@@ -116,14 +117,14 @@ class PD:
         self._kp: list[float] = params.kp.of(self._robot.joints)
         self._kd: list[float] = params.kd.of(self._robot.joints)
 
-    def torque(self, q: Vector, v: Vector, reference: Reference[Vector], dt: float, /) -> Vector:
+    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
         """See `Law`."""
         return np.array(self.efforts(q, v, reference, dt))
 
-    def efforts(self, q: Values, v: Values, reference: Reference[Any], dt: float, /) -> list[float]:
+    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
         """Return the torques as a list: for few joints, lists are quicker than arrays."""
-        rows = zip(self._kp, self._kd, reference.position, q, reference.velocity, v, strict=True)
-        return [kp * (q_d - q) + kd * (v_d - v) for kp, kd, q_d, q, v_d, v in rows]
+        rows = zip(self._kp, self._kd, *reference[:2], q, v, strict=True)
+        return [kp * (q_d - q) + kd * (v_d - v) for kp, kd, q_d, v_d, q, v in rows]
 
 
 class PID(PD):
@@ -153,12 +154,12 @@ class PID(PD):
         self._ki = np.array(params.ki.of(self._robot.joints))
         self._inertia = np.array(params.feed_forward.of(self._robot.joints))
 
-    def efforts(self, q: Values, v: Values, reference: Reference[Any], dt: float, /) -> list[float]:
+    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
         """See `PD`."""
-        error = np.subtract(reference.position, q)
+        error = np.subtract(reference[0], q)
         proportional = np.array(super().efforts(q, v, reference, dt))
         if self._inertia.any():
-            proportional = proportional + self._inertia * reference.acceleration
+            proportional = proportional + self._inertia * reference[2]
         integral = self.integral + self._ki * error * dt
         total = proportional + integral
         winds_up = (np.abs(total) > self._integrate_within) & (total * error > 0)
@@ -174,7 +175,7 @@ class PDGravity(PD):
     Siciliano et al., Robotics, 2009, section 8.5.1.
     """
 
-    def efforts(self, q: Values, v: Values, reference: Reference[Any], dt: float, /) -> list[float]:
+    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
         """See `PD`."""
         gravity = self._robot.require_model().gravity_torque(q).tolist()
         return list(map(add, gravity, super().efforts(q, v, reference, dt)))
@@ -189,12 +190,11 @@ class ComputedTorque(PD):
 
     gains: ClassVar[Mapping[str, str]] = {"kp": "1/s²", "kd": "1/s"}
 
-    def efforts(self, q: Values, v: Values, reference: Reference[Any], dt: float, /) -> list[float]:
+    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
         """See `PD`."""
-        feedback = super().efforts(q, v, reference, dt)
-        acceleration = list(map(add, reference.acceleration, feedback))
-        model = self._robot.require_model()
-        torques: list[float] = model.inverse_dynamics(q, v, acceleration).tolist()
+        rows = zip(self._kp, self._kd, *reference, q, v, strict=True)
+        a = [a_d + (kp * (q_d - q) + kd * (v_d - v)) for kp, kd, q_d, v_d, a_d, q, v in rows]
+        torques: list[float] = self._robot.require_model().inverse_dynamics(q, v, a).tolist()
         return torques
 
 
