@@ -175,12 +175,7 @@ class Noise:
         """See `stepbus_mission.generators.Generator`."""
         bits = _sequence()
         bit = math.floor((t + _BIT_ENDS) / self._hold)
-        return at_rest(
-            [
-                offset + amplitude * bits[(start + bit) % len(bits)]
-                for amplitude, offset, start in self._rows
-            ]
-        )
+        return at_rest([q + a * bits[(start + bit) % len(bits)] for a, q, start in self._rows])
 
 
 @cache

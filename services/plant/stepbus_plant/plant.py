@@ -96,13 +96,16 @@ class SimulatedPlant(Remembers):
         Raises PhysicsError when the physics engine fails.
         """
         self.joints.efforts = []
-        self.script.run(self.t_ns)
-        moving, grippers = self.script.moving.values(), self.devices.grippers.values()
-        jams = [self.script] if self.script.jammed else []
-        before: list[Any] = [*self.motors.drives, *moving, *jams, *grippers]
-        after: list[Any] = [*grippers, *moving, *self.devices.felt]
+        script, felt = self.script, self.devices.felt
+        script.run(self.t_ns)
+        moving, grippers = script.moving.values(), self.devices.grippers.values()
+        before: list[Any] = self.motors.drives
+        after: list[Any] = felt
         if self._kinematics is not None:
-            before, after = [*self.motors.drives, *moving], [*moving]
+            before, after = [*before, *moving], [*moving]
+        elif moving or script.jammed or grippers:
+            jams = [script] if script.jammed else []
+            before, after = [*before, *moving, *jams, *grippers], [*grippers, *moving, *felt]
         for _ in self._substeps:
             for item in before:
                 item.before_substep()
