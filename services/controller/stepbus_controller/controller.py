@@ -1,7 +1,8 @@
 """The controller as a participant: reads the joints, applies the law, commands torques."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from operator import ne, sub
 from typing import Any, cast
 
 import msgspec
@@ -31,17 +32,19 @@ from stepbus_schemas import (
     due_step,
 )
 
+_Three = tuple[Sequence[float], Sequence[float], Sequence[float]]
+
 
 class _State(msgspec.Struct, forbid_unknown_fields=True):
-    """The newest inputs and the last status of a controller; vectors of shape (n,).
+    """The newest inputs and the last status of a controller; a value of each joint, in its order.
 
     motion: positions as measured at measured_ns, positions and velocities for the law. saturated:
     which joints.
     """
 
-    motion: tuple[Vector, Vector, Vector] | None = None
+    motion: _Three | None = None
     measured_ns: int = 0
-    reference: Reference | None = None
+    reference: _Three | None = None
     saturated: list[bool] = []
     has_reported_delay: bool = False
 
@@ -87,6 +90,7 @@ class Controller(Participant):
         self._robot = make_robot(config, params)
         self._names = [params.prefix + joint for joint in self._robot.joints]
         self.law = make_law(config, params, self._robot)
+        self._is_own, self._pd = type(self.law) not in LAWS.values(), cast("PD", self.law)
         gains = LAWS[params.law].gains if params.law in LAWS else {}
         self._steering = Steering(config, Params, gains, self._set_gains)
         self._limit: list[float] = self._robot.effort_limit.tolist()
@@ -107,7 +111,7 @@ class Controller(Participant):
 
     def _set_gains(self, params: Params) -> None:
         check_gains(self.config, params, self._robot)
-        cast("PD", self.law).set_gains(params)
+        self._pd.set_gains(params)
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Map the joints of both inputs by name; raises WiringError for missing joints."""
@@ -130,30 +134,38 @@ class Controller(Participant):
         if motion is None or reference is None:
             return {}
         position, q, v = motion
-        wanted = self._checked(self.law.torque(q, v, reference, self._dt), step.index)
-        values = [min(max(t, -limit), limit) for t, limit in zip(wanted, self._limit, strict=True)]
+        if self._is_own:
+            wanted = self._own_torques(q, v, reference, step.index)
+        else:
+            wanted = self._pd.efforts(q, v, reference, self._dt)
+        if not all(map(math.isfinite, wanted)):
+            raise RunError(
+                f"{self.config.name}: step {step.index}: the torques are "
+                f"{dict(zip(self._names, wanted, strict=True))}; is a gain too high, or an input "
+                "not finite?"
+            )
+        rows = zip(wanted, self._limit, strict=True)
+        values = [t if -most <= t <= most else math.copysign(most, t) for t, most in rows]
         command = JointCommand(mode="torque", values=values)
         if self._status_port is None:
             return {self._command_port: command}
-        error: list[float] = (reference.position - position).tolist()
+        error = list(map(sub, reference[0], position))
         return {self._command_port: command, self._status_port: self._status(error, wanted, values)}
 
     def save(self) -> bytes | None:
         """Return inputs, gains, filters and integral; None for a law of the user's own."""
-        if type(self.law) not in LAWS.values():
+        if self._is_own:
             return None
-        integral = cast("PD", self.law).integral
         filters = [item.memory for item in self._filters]
-        saved = _Saved(self._state, self._steering.save(), integral, filters)
+        saved = _Saved(self._state, self._steering.save(), self._pd.integral, filters)
         return msgspec.msgpack.encode(saved, enc_hook=np.ndarray.tolist)
 
     def restore(self, state: bytes) -> None:
         """Restore inputs, gains, filters and integral from `save`."""
         saved = msgspec.msgpack.decode(state, type=_Saved, dec_hook=lambda _, row: np.array(row))
         self._state = saved.state
-        law = cast("PD", self.law)
-        law.set_gains(self._steering.restore(saved.params))
-        law.integral = saved.integral
+        self._pd.set_gains(self._steering.restore(saved.params))
+        self._pd.integral = saved.integral
         for item, memory in zip(self._filters, saved.filters, strict=True):
             item.memory = memory
 
@@ -164,53 +176,47 @@ class Controller(Participant):
     def _read(self, step: Step) -> None:
         """Read new messages of both inputs; an input without a new message holds the last."""
         if step.is_new(self._state_port):
-            state = step.read(self._state_port, JointState)
-            source = self.config.inputs[self._state_port]
-            measured_at = due_step(step.index, source.delay, source.every)
-            self._state.motion = self._sense(state, measured_at * self.config.step_ns)
+            self._state.motion = self._sense(step.read(self._state_port, JointState), step.index)
         if step.is_new(self._reference_port):
             reference = step.read(self._reference_port, JointReference)
-            pick = self._reference_order.pick
-            self._state.reference = Reference(
-                pick(reference.position, "position"),
-                pick(reference.velocity, "velocity"),
-                pick(reference.acceleration, "acceleration"),
+            ordered = self._reference_order.ordered
+            self._state.reference = (
+                ordered(reference.position, "position"),
+                ordered(reference.velocity, "velocity"),
+                ordered(reference.acceleration, "acceleration"),
             )
 
-    def _sense(self, state: JointState, t_ns: int) -> tuple[Vector, Vector, Vector]:
-        position = q = self._state_order.pick(state.position, "position")
-        since_ns, self._state.measured_ns = t_ns - self._state.measured_ns, t_ns
+    def _sense(self, state: JointState, step: int) -> _Three:
+        position = q = self._state_order.ordered(state.position, "position")
         if self._smoother is not None:
-            q = self._smoother.update(q)
+            q = self._smoother.update(np.array(q)).tolist()
         if self._differentiator is not None:
-            return position, q, self._differentiator.update(q, since_ns)
+            source = self.config.inputs[self._state_port]
+            t_ns = due_step(step, source.delay, source.every) * self.config.step_ns
+            since_ns, self._state.measured_ns = t_ns - self._state.measured_ns, t_ns
+            return position, q, self._differentiator.update(np.array(q), since_ns).tolist()
         if state.velocity is None:
             raise RunError(
                 f"{self.config.name}: input {self._state_port!r} carries no velocity; set params."
                 "velocity to finite_difference or filtered, or add velocity to the plant's 'sense'"
             )
-        v = self._state_order.pick(state.velocity, "velocity")
+        v = self._state_order.ordered(state.velocity, "velocity")
         if self._velocity_smoother is not None:
             # By the same delay as the positions.
-            v = self._velocity_smoother.update(v)
+            v = self._velocity_smoother.update(np.array(v)).tolist()
         return position, q, v
 
-    def _checked(self, torque: Any, step: int) -> list[float]:
-        """Return the law's torques as a list; raises RunError for a wrong shape or value."""
+    def _own_torques(self, q: Any, v: Any, reference: _Three, step: int) -> list[float]:
+        """Return the torques of a law of the user's own; raises RunError for a wrong shape."""
+        arrays = Reference(*map(np.array, reference))
+        torque = self.law.torque(np.array(q), np.array(v), arrays, self._dt)
         vector = np.asarray(torque, dtype=np.float64)
         if vector.shape != (len(self._limit),):
             raise RunError(
                 f"{self.config.name}: step {step}: the control law returned torques of shape "
                 f"{vector.shape}, expected ({len(self._limit)},)"
             )
-        values: list[float] = vector.tolist()
-        if not all(map(math.isfinite, values)):
-            rows = dict(zip(self._names, values, strict=True))
-            raise RunError(
-                f"{self.config.name}: step {step}: the torques are {rows}; is a gain too high, "
-                "or an input not finite?"
-            )
-        return values
+        return cast("list[float]", vector.tolist())
 
     def _status(
         self, error: list[float], wanted: list[float], values: list[float]
@@ -224,7 +230,7 @@ class Controller(Participant):
                 delay_ms = self._smoother.delay * 1e3
                 warnings.insert(0, f"smoothing delays the measurements by {delay_ms:.1f} ms")
         memory.has_reported_delay = True
-        saturated = [w != value for w, value in zip(wanted, values, strict=True)]
+        saturated = list(map(ne, wanted, values))
         if saturated != memory.saturated:
             rows = zip(self._names, wanted, values, saturated, memory.saturated, strict=True)
             warnings += [

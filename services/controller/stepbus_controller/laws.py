@@ -2,14 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import add
 from typing import Any, ClassVar, NamedTuple, Protocol, cast
 
 import numpy as np
 
 from stepbus_controller.params import GainParams, Params, PIDParams
-from stepbus_kinematics import RobotModel, Vector
+from stepbus_kinematics import RobotModel, Values, Vector
 from stepbus_participant import Config, PerName, make_plugin
 from stepbus_schemas import WiringError
+
+Three = tuple[Values, Values, Values]
+"""A `Reference` of arrays or lists."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,16 +114,17 @@ class PD:
 
     def set_gains(self, params: Any) -> None:
         """Set the gains from parameters; the integral is kept."""
-        self._kp = self._gain(params.kp)
-        self._kd = self._gain(params.kd)
-
-    def _gain(self, value: PerName) -> Vector:
-        """Return a gain of each joint, shape (n,)."""
-        return np.array(value.of(self._robot.joints))
+        self._kp: list[float] = params.kp.of(self._robot.joints)
+        self._kd: list[float] = params.kd.of(self._robot.joints)
 
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
         """See `Law`."""
-        return self._kp * (reference.position - q) + self._kd * (reference.velocity - v)
+        return np.array(self.efforts(q, v, reference, dt))
+
+    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
+        """Return the torques as a list: for few joints, lists are quicker than arrays."""
+        rows = zip(self._kp, self._kd, *reference[:2], q, v, strict=True)
+        return [kp * (q_d - q) + kd * (v_d - v) for kp, kd, q_d, v_d, q, v in rows]
 
 
 class PID(PD):
@@ -146,22 +151,22 @@ class PID(PD):
     def set_gains(self, params: Any) -> None:
         """See `PD`."""
         super().set_gains(params)
-        self._ki = self._gain(params.ki)
-        self._inertia = self._gain(params.feed_forward)
+        self._ki = np.array(params.ki.of(self._robot.joints))
+        self._inertia = np.array(params.feed_forward.of(self._robot.joints))
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
-        """See `Law`."""
-        error = reference.position - q
-        proportional = super().torque(q, v, reference, dt)
+    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
+        """See `PD`."""
+        error = np.subtract(reference[0], q)
+        proportional = np.array(super().efforts(q, v, reference, dt))
         if self._inertia.any():
-            proportional = proportional + self._inertia * reference.acceleration
+            proportional = proportional + self._inertia * reference[2]
         integral = self.integral + self._ki * error * dt
         total = proportional + integral
         winds_up = (np.abs(total) > self._integrate_within) & (total * error > 0)
         if winds_up.any():
             integral[winds_up] = self.integral[winds_up]
         self.integral = integral
-        return proportional + self.integral
+        return cast("list[float]", (proportional + integral).tolist())
 
 
 class PDGravity(PD):
@@ -170,10 +175,10 @@ class PDGravity(PD):
     Siciliano et al., Robotics, 2009, section 8.5.1.
     """
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
-        """See `Law`."""
-        gravity = self._robot.require_model().gravity_torque(q)
-        return gravity + super().torque(q, v, reference, dt)
+    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
+        """See `PD`."""
+        gravity = self._robot.require_model().gravity_torque(q).tolist()
+        return list(map(add, gravity, super().efforts(q, v, reference, dt)))
 
 
 class ComputedTorque(PD):
@@ -185,10 +190,12 @@ class ComputedTorque(PD):
 
     gains: ClassVar[Mapping[str, str]] = {"kp": "1/s²", "kd": "1/s"}
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
-        """See `Law`."""
-        acceleration = reference.acceleration + super().torque(q, v, reference, dt)
-        return self._robot.require_model().inverse_dynamics(q, v, acceleration)
+    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
+        """See `PD`."""
+        rows = zip(self._kp, self._kd, *reference, q, v, strict=True)
+        a = [a_d + (kp * (q_d - q) + kd * (v_d - v)) for kp, kd, q_d, v_d, a_d, q, v in rows]
+        torques: list[float] = self._robot.require_model().inverse_dynamics(q, v, a).tolist()
+        return torques
 
 
 LAWS: dict[str, type[PD]] = {

@@ -37,7 +37,11 @@ class JointOrder:
         self._is_same = list(given) == list(wanted)
 
     def pick(self, values: Sequence[float] | None, quantity: str) -> Vector:
-        """Return one quantity of a message, shape (n,), in your order.
+        """Return one quantity of a message, shape (n,), in your order; errors as of `ordered`."""
+        return np.array(self.ordered(values, quantity))
+
+    def ordered(self, values: Sequence[float] | None, quantity: str) -> Sequence[float]:
+        """Return one quantity of a message in your order, as a list, which may be the message's.
 
         Raises RunError for a message without it, InvalidInput for another number of values.
         """
@@ -47,7 +51,7 @@ class JointOrder:
             raise InvalidInput(
                 self._port, f"carries {len(values)} {quantity} values for {self._length} joints"
             )
-        return np.array(values if self._is_same else [values[i] for i in self._index])
+        return values if self._is_same else [values[i] for i in self._index]
 
 
 def joint_orders(

@@ -16,6 +16,9 @@ from stepbus_schemas import RunError, WiringError
 
 Vector = NDArray[np.float64]
 
+Values = Vector | Sequence[float]
+"""One value of each joint."""
+
 Indices = NDArray[np.intp]
 """Which of the joints, increasing."""
 
@@ -221,29 +224,30 @@ class RobotModel:
         """The names of all links."""
         return link_names(self.model)
 
-    def in_model(self, q: Vector) -> Vector:
+    def in_model(self, q: Values) -> Vector:
         """Return positions, shape (n,) [rad], as Pinocchio's model wants them, shape (nq,)."""
         return self._spread(q, self._offset)
 
-    def _spread(self, values: Vector, offset: Vector | float = 0.0) -> Vector:
+    def _spread(self, values: Values, offset: Vector | float = 0.0) -> Vector:
         """Return values of the joints, shape (n,), in Pinocchio's order, shape (nv,).
 
         offset: of the followers' values, shape (followers,).
         """
+        values = np.array(values)
         if self._is_direct:
-            return values.copy()
+            return values
         out = np.zeros(self.model.nv)
         out[self._index] = values
         out[self._followers] = self._gear * values[self._followed] + offset
         return out
 
-    def _of_joints(self, values: Any) -> Vector:
+    def _of_joints(self, values: Vector) -> Vector:
         """Return what Pinocchio has for each degree of freedom, last axis, for the joints.
 
         That of a follower adds to its joint's, by the gear between them.
         """
         if self._is_direct:
-            return np.array(values)
+            return values
         row: Vector = values[..., self._index]
         for leader, gear, at in zip(self._followed, self._gear, self._followers, strict=True):
             row[..., leader] += gear * values[..., at]
@@ -319,14 +323,14 @@ class RobotModel:
 
         return twist
 
-    def inverse_dynamics(self, q: Vector, v: Vector, a: Vector) -> Vector:
+    def inverse_dynamics(self, q: Values, v: Values, a: Values) -> Vector:
         """Return the torques M(q) a + C(q, v) v + g(q), shape (n,) [N·m].
 
         q, v, a: shape (n,) [rad, rad/s, rad/s²]. Armatures and dampers of an MJCF count, damping
         of a URDF and friction do not; g: as of `gravity_torque`. By the recursive Newton-Euler
         algorithm (Featherstone, Rigid Body Dynamics Algorithms, 2008, table 5.1).
         """
-        there, rate = self.in_model(q), self._spread(v)
+        there, rate = self._spread(q, self._offset), self._spread(v)
         torque = pin.rnea(self.model, self.data, there, rate, self._spread(a))
         if self.robot.format == "mjcf":
             torque = torque + self._passive(there) + self._damping * rate
@@ -349,7 +353,7 @@ class RobotModel:
             _add_mass(self.model, place, mass)
             self._unloaded = (place.parentJoint, unloaded)
 
-    def gravity_torque(self, q: Vector) -> Vector:
+    def gravity_torque(self, q: Values) -> Vector:
         """Return the torques g(q) that hold the robot at rest, shape (n,) [N·m].
 
         q: shape (n,) [rad]. Springs and gravity compensation of an MJCF count.

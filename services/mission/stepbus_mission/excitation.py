@@ -49,8 +49,7 @@ class Chirp:
 
     def __init__(self, joints: Sequence[str], params: ChirpParams) -> None:
         self._sweep, self._omega, self._end = params.sweep, params.omega, params.omega_end
-        rows = zip(params.amplitude.of(joints), params.offset.of(joints), strict=True)
-        self._rows = tuple(rows)
+        self._rows = tuple(zip(params.amplitude.of(joints), params.offset.of(joints), strict=True))
 
     def at(self, t: float) -> JointReference:
         """See `stepbus_mission.generators.Generator`."""
@@ -176,12 +175,7 @@ class Noise:
         """See `stepbus_mission.generators.Generator`."""
         bits = _sequence()
         bit = math.floor((t + _BIT_ENDS) / self._hold)
-        return at_rest(
-            [
-                offset + amplitude * bits[(start + bit) % len(bits)]
-                for amplitude, offset, start in self._rows
-            ]
-        )
+        return at_rest([q + a * bits[(start + bit) % len(bits)] for a, q, start in self._rows])
 
 
 @cache

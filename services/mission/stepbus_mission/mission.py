@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from itertools import chain
 from typing import Any, NamedTuple
 
 import msgspec
@@ -152,7 +151,6 @@ class Mission(Participant):
         ports.outputs_are("JointReference/1", "Event/1")
         params = config.read(Params, ports.problems)
         self._joints = [params.prefix + joint for joint in params.joints]
-        self._lengths = [len(self._joints)] * 3
         self._end_when_done = params.end_when_done
         self._task = params.task
         self.generator = make_generator(config, params)
@@ -172,12 +170,13 @@ class Mission(Participant):
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the reference of this step."""
-        messages: dict[str, Message] = {
-            self._reference_port: self._checked(self._reference(step.t), step)
-        }
+        t_ns = step.t_ns
+        reference = self._reference(t_ns * 1e-9)
+        self._check(reference, step)
+        messages: dict[str, Message] = {self._reference_port: reference}
         if step.index == 0:
             self._report(messages, f"{self._task} of {', '.join(self._joints)} starts")
-        if step.t_ns >= self._done_ns and not self._is_done:
+        if t_ns >= self._done_ns and not self._is_done:
             self._is_done = True
             text = f"{self._task} is done at {step.t:.3f} s"
             self._report(messages, text)
@@ -241,21 +240,21 @@ class Mission(Participant):
         if self._event_port is not None:
             messages[self._event_port] = Event(level="info", text=text)
 
-    def _checked(self, reference: JointReference, step: Step) -> JointReference:
-        """Return the reference; raises RunError for a wrong length or value."""
-        vectors = (reference.position, reference.velocity, reference.acceleration)
-        lengths = [len(vector) for vector in vectors]
-        if lengths != self._lengths:
+    def _check(self, reference: JointReference, step: Step) -> None:
+        """Raise RunError for a wrong length or value."""
+        q, v, a = reference.position, reference.velocity, reference.acceleration
+        count = len(self._joints)
+        if not len(q) == len(v) == len(a) == count:
             raise RunError(
-                f"{self.config.name}: step {step.index}: {self._task} returned {lengths} values of "
-                f"position, velocity, acceleration for {len(self._joints)} joints"
+                f"{self.config.name}: step {step.index}: {self._task} returned "
+                f"{[len(q), len(v), len(a)]} values of position, velocity, acceleration for "
+                f"{count} joints"
             )
-        if not all(map(math.isfinite, chain(*vectors))):
+        if not all(map(math.isfinite, (*q, *v, *a))):
             raise RunError(
                 f"{self.config.name}: step {step.index}: {self._task} returned a value that is "
                 f"not finite: {reference}"
             )
-        return reference
 
 
 def make_generator(config: Config, params: Params) -> Generator:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from operator import gt
 from typing import Any, ClassVar, NoReturn
 
 import msgspec
@@ -78,6 +79,8 @@ class Commander(Remembers):
         self.state = DriverState()
         self._check_names(names)
         self._joints = [self._physics.joints[name] for name in names]
+        # A torque up to it takes effect.
+        self._efforts = [joint.effort if joint.motor else -1.0 for joint in self._joints]
         self._drives = [motors.drive_of[name] for name in names]
         self._indices = [
             (drive, [(i, source) for source, (d, i) in enumerate(self._drives) if d is drive])
@@ -104,9 +107,10 @@ class Commander(Remembers):
 
     def before_step(self) -> None:
         """Prepare a communication step, with or without a new command: the drives keep theirs."""
-        ramp, seconds = self.state.ramp, self._motors.period_ns * 1e-9
+        ramp = self.state.ramp
         if ramp is None:
             return
+        seconds = self._motors.period_ns * 1e-9
         if ramp.left <= seconds:
             self.stop()
             return
@@ -145,9 +149,11 @@ class Commander(Remembers):
 
     def execute(self, command: JointCommand) -> None:
         """Execute a command of joints, see `apply`."""
-        for field in ("values", "velocity", "effort_limit"):
-            if (vector := getattr(command, field)) is not None:
-                self._check_vector(field, vector)
+        self._check_vector("values", command.values)
+        if command.velocity is not None:
+            self._check_vector("velocity", command.velocity)
+        if command.effort_limit is not None:
+            self._check_vector("effort_limit", command.effort_limit)
         if command.mode == "teleport":
             self._teleport(command)
             return
@@ -156,7 +162,8 @@ class Commander(Remembers):
             return
         if command.mode != self.state.mode:
             self._own(command.mode)
-        self._warnings.check(self._joints, command)
+        if command.mode != "torque" or any(map(gt, map(abs, command.values), self._efforts)):
+            self._warnings.check(self._joints, command)
         for drive, indices in self._indices:
             drive.command(command, indices, self._period)
 
@@ -166,9 +173,10 @@ class Commander(Remembers):
                 f"{field} has {len(vector)} entries for {len(self._joints)} joints "
                 f"({', '.join(joint.name for joint in self._joints)})"
             )
-        for joint, value in zip(self._joints, vector, strict=True):
-            if not math.isfinite(value):
-                self._reject(f"{field} of joint {joint.name} is {value}, not a finite number")
+        if not all(map(math.isfinite, vector)):
+            rows = zip(self._joints, vector, strict=True)
+            joint, value = next(row for row in rows if not math.isfinite(row[1]))
+            self._reject(f"{field} of joint {joint.name} is {value}, not a finite number")
 
     def _own(self, mode: JointMode) -> None:
         """Check that the joints accept this mode and that no other input drives them."""

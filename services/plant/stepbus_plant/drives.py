@@ -58,20 +58,25 @@ class Drive(Remembers):
 
 
 class DirectTorque(Drive):
-    """Mode torque: the engine applies the torque directly, and does not report it."""
+    """Mode torque: the engine applies the torque directly, and does not report it.
 
-    remembers = ("_wanted", "_applied", "_braked")
+    applied: the latest torque of each joint [N·m].
+    """
+
+    remembers = ("_wanted", "applied", "_braked")
 
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(engine, joints, substep_s)
         self._wanted = [0.0] * len(joints)
-        self._applied = self._wanted.copy()
+        self.applied = self._wanted.copy()
         self._braked: list[int] = []
 
     def command(self, command: JointCommand, indices: Indices, period: int) -> None:
         """Set torques, saturated at the joints' limits; this releases the brake."""
+        values = command.values
         for index, source in indices:
-            self._wanted[index] = _clip(command.values[source], self._efforts[index])
+            value, limit = values[source], self._efforts[index]
+            self._wanted[index] = -limit if value < -limit else min(value, limit)
             if index in self._braked:
                 self._braked.remove(index)
                 self._resist(index, self.joints[index].friction)
@@ -94,12 +99,8 @@ class DirectTorque(Drive):
 
     def before_substep(self) -> None:
         """Apply the torques; the engine forgets them after every substep."""
-        self._applied = self._wanted.copy()
-        self._engine.push(self._body, self._indices, self._applied)
-
-    def torque(self, index: int) -> float:
-        """Return the torque applied last to a joint [N·m]."""
-        return self._applied[index]
+        self.applied = self._wanted.copy()
+        self._engine.push(self._body, self._indices, self.applied)
 
 
 class VelocityMotor(Drive):
@@ -128,7 +129,7 @@ class VelocityMotor(Drive):
     def _take(self, index: int, command: JointCommand, source: int, period: int) -> None:
         """Set the target of one joint; source: its index in the command."""
         limit = self.joints[index].max_velocity or math.inf
-        self._velocities[index] = _clip(command.values[source], limit)
+        self._velocities[index] = max(min(command.values[source], limit), -limit)
 
     def followed(self, index: int, position: float, dt: float) -> tuple[float, float]:
         """Return where its velocity takes a joint, no further than to its stops."""
@@ -229,10 +230,6 @@ class PositionMotor(VelocityMotor):
             self._age[index] += index in self._moving
 
 
-def _clip(value: float, limit: float) -> float:
-    return -limit if value < -limit else min(value, limit)
-
-
 _CLASSES: Mapping[tuple[str, str], type[Drive]] = {
     ("torque", "direct"): DirectTorque,
     ("torque", "velocity_force"): VelocityForce,
@@ -243,10 +240,10 @@ _CLASSES: Mapping[tuple[str, str], type[Drive]] = {
 
 
 class Warnings(Remembers):
-    """Collects warnings about commands until they are taken.
+    """Collects warnings about commands until the plant has reported them.
 
     Each cause is reported once per subject: a controller that commands the impossible does so at
-    every step. reported: (subject, cause). pending: those since the last call of `take`.
+    every step. reported: (subject, cause). pending: one sentence each.
     """
 
     remembers = ("reported", "pending")
@@ -261,11 +258,6 @@ class Warnings(Remembers):
         if (subject, cause) not in self.reported:
             self.reported.append((subject, cause))
             self.pending.append(f"{subject}: {text}")
-
-    def take(self) -> list[str]:
-        """Return the warnings since the last call, one sentence each."""
-        new, self.pending = self.pending, []
-        return new
 
     def check(self, joints: Sequence[Joint], command: JointCommand) -> None:
         """Warn about each part of a command that cannot take effect; its vectors fit the joints."""

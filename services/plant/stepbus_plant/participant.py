@@ -1,7 +1,7 @@
 """The plant as a participant: connects the world to ports."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import Literal
 
@@ -185,20 +185,24 @@ class Plant(Participant):
                 plant.stop.watch(plant.t_ns, longest_ns, plant.script.record)
             for driver in self._drivers.values():
                 driver.before_step()
-        warnings = [f"step {step.index}: {text}" for text in self.plant.warnings.take()]
-        self._report(warnings, self._warnings, logging.WARNING)
+        if plant.warnings.pending:
+            warnings = [f"step {step.index}: {text}" for text in plant.warnings.pending]
+            plant.warnings.pending.clear()
+            self._report(warnings, self._warnings, logging.WARNING)
         if advances:
-            self.plant.advance()
-            self._report(self.plant.script.take_events(), self._events, logging.INFO)
+            plant.advance()
+            if plant.script.events:
+                self._report(plant.script.events, self._events, logging.INFO)
         return self.output(step) if is_last else None
 
-    def _report(self, new: Sequence[str], pending: list[str], level: int) -> None:
-        """Queue messages for the next output, or log them if there is no Event port."""
+    def _report(self, new: list[str], pending: list[str], level: int) -> None:
+        """Move messages to the next output, or to the log if there is no Event port."""
         if self._event_ports:
             pending += new
-            return
-        for text in new:
-            _log.log(level, text)
+        else:
+            for text in new:
+                _log.log(level, text)
+        new.clear()
 
     def save(self) -> bytes | None:
         """Return the state of the world and of the drivers; None if it cannot be saved."""
@@ -228,7 +232,7 @@ class Plant(Participant):
             raise CallError(f"ON must be true or false, not {on!r}")
         script = self.plant.script
         self.plant.stop.set(self.plant.t_ns, by, script.record, active=on)
-        self._report(script.take_events(), self._events, logging.INFO)
+        self._report(script.events, self._events, logging.INFO)
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that physics and images depend on."""

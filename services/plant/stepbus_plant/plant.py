@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import msgspec
 
@@ -95,24 +96,23 @@ class SimulatedPlant(Remembers):
         Raises PhysicsError when the physics engine fails.
         """
         self.joints.efforts = []
-        self.script.run(self.t_ns)
-        grippers = self.devices.grippers.values()
+        script, felt = self.script, self.devices.felt
+        script.run(self.t_ns)
+        moving, grippers = script.moving.values(), self.devices.grippers.values()
+        before: list[Any] = self.motors.drives
+        after: list[Any] = felt
+        if self._kinematics is not None:
+            before, after = [*before, *moving], [*moving]
+        elif moving or script.jammed or grippers:
+            jams = [script] if script.jammed else []
+            before, after = [*before, *moving, *jams, *grippers], [*grippers, *moving, *felt]
         for _ in self._substeps:
-            for drive in self.motors.drives:
-                drive.before_substep()
-            self.script.carry()
-            if self._kinematics is not None:
-                self.script.after_substep(self._step_ns * 1e-9)
-                continue
-            self.script.before_substep()
-            for gripper in grippers:
-                gripper.before_substep()
-            self.physics.engine.step()
-            for gripper in grippers:
-                gripper.after_substep(self._step_ns * 1e-9)
-            self.script.after_substep(self._step_ns * 1e-9)
-            for sensor in self.devices.felt:
-                sensor.after_substep(self._step_ns * 1e-9)
+            for item in before:
+                item.before_substep()
+            if self._kinematics is None:
+                self.physics.engine.step()
+            for item in after:
+                item.after_substep(self._step_ns * 1e-9)
         if self._kinematics is not None:
             self._kinematics.advance(self._period_ns * 1e-9)
         for gripper in grippers:
@@ -130,7 +130,7 @@ class SimulatedPlant(Remembers):
         steps without contact.
         """
         cameras = self.devices.cameras.values()
-        is_busy = self.script.is_moving or any(camera.is_busy for camera in cameras)
+        is_busy = bool(self.script.moving) or any(camera.is_busy for camera in cameras)
         engine = self.physics.engine.save()
         if is_busy or self._kinematics or not (engine or self._is_only_joints()):
             return None

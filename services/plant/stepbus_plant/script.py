@@ -49,13 +49,17 @@ class MovingBody:
         return self._elapsed >= self._seconds
 
     def before_substep(self) -> None:
-        """Put it where it is now."""
+        """Put it where it is now, until it has arrived."""
+        if self.is_there:
+            return
         share = min(self._elapsed / self._seconds, 1.0)
         frame = self._engine.geometry.between(self._start, self._goal, share)
         self._engine.put(self._body, frame, self._velocity, self._spin)
 
     def after_substep(self, seconds: float) -> None:
         """Move on, and look whether it has hit something that it did not touch before."""
+        if self.is_there:
+            return
         self._elapsed += seconds
         if self.blow is None:
             pressed = self._engine.contacts(self._body, are_pressed=True)
@@ -72,7 +76,8 @@ class Script(Remembers):
     """The actions of a run; each is executed once, in order of time.
 
     actions: in which `check_script` finds no mistakes. jammed: joint → the position it has been
-    jammed at [rad]. has_moved: whether a call has moved a body.
+    jammed at [rad]. moving: body → its motion, which is not saved. has_moved: whether a call has
+    moved a body. events: what has happened, one sentence each, until the plant has reported it.
     """
 
     remembers = ("_done", "jammed", "has_moved")
@@ -89,9 +94,9 @@ class Script(Remembers):
         self._stop = stop
         self._actions = sorted(actions, key=lambda action: action.at_ns)
         self._done = 0
-        self._events: list[str] = []
+        self.events: list[str] = []
         self.jammed: dict[str, float] = {}
-        self._moving: dict[str, MovingBody] = {}
+        self.moving: dict[str, MovingBody] = {}
         self.has_moved = False
 
     def move(self, t_ns: int, name: str, position: Point, yaw: float | None) -> None:
@@ -102,9 +107,8 @@ class Script(Remembers):
 
     def run(self, t_ns: int) -> None:
         """Execute the actions that are due at a time [ns]."""
-        self._report_blows(t_ns)
-        if self._moving:
-            self._wake_all()
+        if self.moving:
+            self._report_blows(t_ns)
         for action in self._actions[self._done :]:
             if action.at_ns > t_ns:
                 break
@@ -114,19 +118,9 @@ class Script(Remembers):
             else:
                 self.record(t_ns, self._execute(action))
 
-    @property
-    def is_moving(self) -> bool:
-        """Return whether bodies move, which is not saved."""
-        return bool(self._moving)
-
     def record(self, t_ns: int, text: str) -> None:
         """Add what has happened at a time [ns]."""
-        self._events.append(f"at {t_ns / 1e9:.9g} s: {text}")
-
-    def take_events(self) -> list[str]:
-        """Return what has happened since the last call, one sentence each."""
-        events, self._events = self._events, []
-        return events
+        self.events.append(f"at {t_ns / 1e9:.9g} s: {text}")
 
     def _execute(self, action: Action) -> str:
         """Execute an action and return what has happened."""
@@ -146,7 +140,7 @@ class Script(Remembers):
         """Move a body, which is then at rest; its joints keep their positions."""
         engine, body = self._physics.engine, self._physics.bodies.index(name)
         rotation = engine.frame((body, BASE))[1] if rpy is None else quaternion(rpy)
-        self._moving.pop(name, None)
+        self.moving.pop(name, None)
         engine.put(body, (position, rotation))
         self._wake_all()
         target = ", ".join(f"{value:g}" for value in position)
@@ -176,26 +170,22 @@ class Script(Remembers):
         """Let a body move from where it is."""
         engine, body = self._physics.engine, self._physics.bodies.index(name)
         rotation = engine.frame((body, BASE))[1] if rpy is None else quaternion(rpy)
-        self._moving[name] = MovingBody(engine, body, (goal, rotation), over_ns * 1e-9)
+        self.moving[name] = MovingBody(engine, body, (goal, rotation), over_ns * 1e-9)
         target = ", ".join(f"{value:g}" for value in goal)
         return f"{name} moves to {target} m in {format_duration(over_ns)}"
 
     def _report_blows(self, t_ns: int) -> None:
-        """Tell what moving bodies have hit, and forget those that have arrived."""
-        names = self._names() if self._moving else {}
-        for name, moving in list(self._moving.items()):
+        """Report what moving bodies have hit, and forget those that have arrived."""
+        names = self._names()
+        for name, moving in list(self.moving.items()):
             if (blow := moving.blow) is not None and not moving.is_told:
                 moving.is_told = True
                 text = f"{names[blow.one]} hits {names[blow.other]} with {blow.force:.0f} N"
                 self.record(t_ns, text)
             if moving.is_there:
-                del self._moving[name]
-
-    def carry(self) -> None:
-        """Put the bodies that move where they are in a substep."""
-        for moving in self._moving.values():
-            if not moving.is_there:
-                moving.before_substep()
+                del self.moving[name]
+        if self.moving:
+            self._wake_all()
 
     def before_substep(self) -> None:
         """Hold the jammed joints; call it after the drives, whose motors it overrides."""
@@ -203,12 +193,6 @@ class Script(Remembers):
             joint = self._physics.joints[name]
             goal = Goal(position, 0.0, _JAM_EFFORT, max_velocity=math.inf, gain=_JAM_GAIN)
             self._physics.engine.bring(joint.body, joint.index, goal)
-
-    def after_substep(self, seconds: float) -> None:
-        """Look what moving bodies have hit; seconds: length of the substep."""
-        for moving in self._moving.values():
-            if not moving.is_there:
-                moving.after_substep(seconds)
 
 
 def check_script(actions: Sequence[Action], physics: Physics, problems: Problems) -> None:

@@ -1,8 +1,8 @@
 """Joint states: true ones, as the engine has them, turned into sensor readings."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 import numpy as np
 
@@ -44,10 +44,14 @@ class JointSensor(Remembers):
             quantity: Errors([seed, number], getattr(params.noise, quantity))
             for number, quantity in enumerate(("position", "velocity", "effort"))
         }
-        self._measure = {
-            quantity: _measurement(params, quantity, errors)
-            for quantity, errors in self._errors.items()
-        }
+        self._params = params
+        self._altered = [
+            quantity
+            for quantity in self._errors
+            if quantity not in params.sense
+            or getattr(params.noise, quantity)
+            or getattr(params.resolution, quantity) is not None
+        ]
         # What every step reads: one call per body, and where its results go.
         groups: dict[int, list[Joint]] = {}
         for joint in joints:
@@ -78,14 +82,23 @@ class JointSensor(Remembers):
         if not math.isfinite(sum(position) + sum(velocity)):
             self._check_finite(position, velocity)
         for number, drive, index in self._unreported:
-            effort[number] = drive.torque(index)
-        measure = self._measure
-        return JointState(
-            position=measure["position"](position),
-            velocity=measure["velocity"](velocity),
-            effort=measure["effort"](effort),
-            target=[drive.target(index) for drive, index in self._targeted] or None,
-        )
+            effort[number] = drive.applied[index]
+        if not (self._altered or self._targeted):
+            return JointState(position=position, velocity=velocity, effort=effort)
+        rows: dict[str, Any] = {"position": position, "velocity": velocity, "effort": effort}
+        rows |= {quantity: self._reading(quantity, rows[quantity]) for quantity in self._altered}
+        target = [drive.target(index) for drive, index in self._targeted] or None
+        return JointState(**rows, target=target)
+
+    def _reading(self, quantity: str, values: Values) -> Values | None:
+        """Return a reading of true values of one quantity; None: it is not sensed."""
+        if quantity not in self._params.sense:
+            return None
+        reading = self._errors[quantity].disturb(values)
+        resolution: float | None = getattr(self._params.resolution, quantity)
+        if resolution is not None:
+            reading = resolution * np.round(reading / resolution)
+        return cast("Values", reading.tolist())
 
     def applied(self) -> Values:
         """Return the torques of the latest step as the engine reports them [N·m]."""
@@ -107,22 +120,3 @@ class JointSensor(Remembers):
                 f"the simulation has diverged (joints {', '.join(diverged)}); use a shorter "
                 "physics_step or smaller gains"
             )
-
-
-def _measurement(
-    params: Params, quantity: str, errors: Errors
-) -> Callable[[Values], Values | None]:
-    """Return the function from true to sensed values of one quantity."""
-    noise: float = getattr(params.noise, quantity)
-    resolution: float | None = getattr(params.resolution, quantity)
-
-    def disturbed(values: Values) -> Values:
-        sensed = errors.disturb(values)
-        if resolution is not None:
-            sensed = resolution * np.round(sensed / resolution)
-        disturbed: Values = sensed.tolist()
-        return disturbed
-
-    if quantity not in params.sense:
-        return lambda _: None
-    return disturbed if noise or resolution is not None else lambda values: values

@@ -85,7 +85,7 @@ def test_a_command_to_a_follower_is_a_warning_that_names_its_joint(tmp_path):
     plant = make(tmp_path)
     commander = plant.commander("command", ["lead", "follow"])
     commander.apply(JointCommand(mode="torque", values=[0.0, 1.0]))
-    (warning,) = plant.warnings.take()
+    (warning,) = plant.warnings.pending
     assert warning.startswith("joint follow: follows joint 'lead'")
 
 

@@ -15,7 +15,7 @@ def told(plant, *commands):
     commander = plant.commander("command", plant.names)
     for command in commands:
         commander.apply(command)
-    return plant.warnings.take()
+    return plant.warnings.pending
 
 
 def position(*values, **more):

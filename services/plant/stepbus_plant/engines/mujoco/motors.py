@@ -70,10 +70,13 @@ class Motors:
         mujoco.mj_step1(self._model, data)
         rows = slice(data.ne + self._joint_rows, data.ne + data.nf)
         motors = data.efc_id[rows]
-        error = self._goals[motors] - data.ten_length[motors]
-        wanted = self._velocities[motors] + self._gains[motors] * error / self._dt
-        fastest = self._fastest[motors]
-        data.efc_aref[rows] += np.clip(wanted, -fastest, fastest) / self._dt
+        # A motor without torque has no row: in mode torque there is none.
+        if motors.size:
+            error = self._goals[motors] - data.ten_length[motors]
+            wanted = self._velocities[motors] + self._gains[motors] * error / self._dt
+            fastest = self._fastest[motors]
+            data.efc_aref[rows] += np.clip(wanted, -fastest, fastest) / self._dt
         mujoco.mj_step2(self._model, data)
         self.torques[:] = 0.0
-        self.torques[motors] = data.efc_force[rows]
+        if motors.size:
+            self.torques[motors] = data.efc_force[rows]
