@@ -137,7 +137,7 @@ class Node:
     ) -> None:
         self.network = network
         self.process = process
-        self.is_leaf, self.is_center = is_leaf, is_center
+        self.is_leaf, self.is_center, self.exchange = is_leaf, is_center, None
         self.declared: list[tuple[_Role, str, Callable[..., None]]] = []
         self.tokens: list[str] = []
         self.is_open = True
@@ -248,8 +248,6 @@ class Node:
     def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
         """Call `sink` with each sample on a key."""
         self._declare("subscriber", key, sink)
-
-    exchange = None
 
     def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
         """Call `sink` with the content of each sample on a key."""

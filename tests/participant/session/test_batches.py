@@ -28,8 +28,7 @@ _batch, _outputs, _log = Decoder(Batch), Decoder(Outputs), Decoder(Log)
 class Bus:
     """Keeps what is published, by key, and all in their order."""
 
-    clock = time
-    exchange = None
+    clock, exchange = time, None
 
     def __init__(self):
         self.sent = defaultdict(list)

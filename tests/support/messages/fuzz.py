@@ -69,8 +69,7 @@ class Sample:
 class HandBus:
     """A bus without a network: `hand` gives a sample to whoever listens to its key."""
 
-    clock = time
-    exchange = None
+    clock, exchange = time, None
     queue = SimpleQueue
 
     def __init__(self) -> None:

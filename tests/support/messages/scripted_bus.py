@@ -28,8 +28,7 @@ class Bus:
     later: another, once it reports that it waits.
     """
 
-    clock = time
-    exchange = None
+    clock, exchange = time, None
     queue = SimpleQueue
 
     def __init__(self, welcome, script, later=()):

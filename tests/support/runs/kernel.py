@@ -146,8 +146,7 @@ class Bus:
 
     lost_stops, deaf = 0, ""
 
-    clock = time
-    exchange = None
+    clock, exchange = time, None
     queue = SimpleQueue
     every = staticmethod(every_on_a_thread)
 
