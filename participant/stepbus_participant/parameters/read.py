@@ -103,6 +103,12 @@ def fields_of(settings: type[Any]) -> dict[str, structs.FieldInfo]:
     return {key: field for key, field in fields.items() if not _collects(field)}
 
 
+@cache
+def _own_field(settings: type[Any]) -> str:
+    """Return the name of the field that collects the keys of a class of the user's, or nothing."""
+    return next((field.name for field in structs.fields(settings) if _collects(field)), "")
+
+
 def _collects(field: structs.FieldInfo) -> bool:
     return "own" in unmarked(field.type)[1]
 
@@ -196,7 +202,7 @@ class _Reader:
         for key, field in fields_of(kind).items():
             at = keys if key == short else (*keys, key)
             values[field.name] = self._field(field, given.pop(key, None), keys, at)
-        own = next((field.name for field in structs.fields(kind) if _collects(field)), "")
+        own = _own_field(kind)
         if own and (":" in word or not kinds):
             values[own], given = given, {}
         for key in given:

@@ -13,11 +13,15 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
 from pkgutil import resolve_name
 
+from stepbus_orchestrator.run.inprocess import heartbeat
+from stepbus_orchestrator.run.inprocess.heartbeat import TICK_S, Heartbeat, Watcher
 from stepbus_participant import is_ours
 from stepbus_schemas import error_text
 from stepbus_tools.sweep.axes import Point
@@ -26,12 +30,27 @@ from stepbus_tools.sweep.row_run import plot_run
 from stepbus_tools.sweep.trial import Trials
 
 _PR_SET_PDEATHSIG = 1
+_Result = tuple[bytes, str, list[str]]
+"""Of a copy of this process: its answer, its error, and modules that others will need too."""
+
+
+@dataclass(frozen=True)
+class _Child:
+    """A copy of this process, which is killed where a participant does not come back in it."""
+
+    number: int
+    pid: int
+    memory: Heartbeat
+    watcher: Watcher
+
+
+_Children = dict[Connection, _Child]
 
 
 def serve(channel: Connection) -> None:
     """Fork a process for each point, until the other end is closed."""
     bundle, options = channel.recv()
-    children: dict[Connection, tuple[int, int]] = {}
+    children: _Children = {}
     with contextlib.suppress(EOFError, OSError), contextlib.ExitStack() as stack:
         try:
             trials = stack.enter_context(Trials(bundle, keep=options.keep, home=options.home))
@@ -44,23 +63,25 @@ def serve(channel: Connection) -> None:
             error = str(exc) or error_text(exc)
         channel.send(error)
         while not error:
-            ready = wait([channel, *children])
-            for source in [source for source in children if source in ready]:
-                pid, number = children.pop(source)
-                channel.send((number, *_answer(source, pid)))
+            ready = wait([channel, *children], TICK_S if children else None)
+            for source, child in list(children.items()):
+                if source in ready:
+                    row, why, modules = _answer(children, source)
+                    channel.send((child.number, row, why))
+                    _prepare(modules)
+                elif child.watcher.is_late():
+                    os.kill(child.pid, signal.SIGKILL)
             if channel in ready:
                 match channel.recv():
                     case None:
                         channel.send(None)
                     case Point() as point:
-                        source, pid = _fork(partial(_run, trials, point, options))
-                        children[source] = pid, point.number
+                        _fork(children, point.number, partial(_run, trials, point, options))
                     case number, picture:
-                        source, pid = _fork(partial(_plot, options, number, picture))
-                        children[source] = pid, number
+                        _fork(children, number, partial(_plot, options, number, picture))
 
 
-def _load(trials: Trials, channel: Connection, children: dict[Connection, tuple[int, int]]) -> str:
+def _load(trials: Trials, channel: Connection, children: _Children) -> str:
     """Load what the runs need; return why they cannot have it, or an empty text.
 
     The user's metrics are tried in a fork: one that starts a thread is loaded by each run, since a
@@ -70,16 +91,24 @@ def _load(trials: Trials, channel: Connection, children: dict[Connection, tuple[
         # A run that needs it says what is wrong.
         with contextlib.suppress(Exception):
             resolve_name(name)
-    source, pid = _fork(lambda: (_threads(trials), ""))
-    children[source] = pid, -1
+    source = _fork(children, -1, lambda: (_threads(trials), "", []))
     if channel in wait([channel, source]):
         raise EOFError
-    threads, error = _answer(source, children.pop(source)[0])
+    threads, error, _ = _answer(children, source)
     if threads == b"1":
         trials.load_metrics()
+    _prepare([])
+    return error or ("" if threads else "a metric has ended its process")
+
+
+def _prepare(modules: list[str]) -> None:
+    """Load what a run has loaded, for those that follow."""
+    for name in modules:
+        # That which is loaded, prepared and never used again is shared with all copies.
+        with contextlib.suppress(Exception):
+            getattr(import_module(name), "prepare", int)()
     # A child that changes the count of references to something copies its page.
     gc.freeze()
-    return error or ("" if threads else "a metric has ended its process")
 
 
 def _threads(trials: Trials) -> bytes:
@@ -87,49 +116,55 @@ def _threads(trials: Trials) -> bytes:
     return str(len(os.listdir("/proc/self/task"))).encode()  # noqa: PTH208  (a list of the kernel's)
 
 
-def _run(trials: Trials, point: Point, options: PoolOptions) -> tuple[bytes, str]:
-    return run_point(trials, point, options)[0], ""
+def _run(trials: Trials, point: Point, options: PoolOptions) -> _Result:
+    before = set(sys.modules)
+    row, _ = run_point(trials, point, options)
+    return row, "", [name for name in sys.modules if is_ours(name) and name not in before]
 
 
-def _plot(options: PoolOptions, number: int, picture: Path) -> tuple[bytes, str]:
+def _plot(options: PoolOptions, number: int, picture: Path) -> _Result:
     plot_run(options.home, number, picture, None)
-    return b"", ""
+    return b"", "", []
 
 
-def _fork(work: Callable[[], tuple[bytes, str]]) -> tuple[Connection, int]:
-    """Start a function in a copy of this process; return where its result comes, and its id."""
+def _fork(children: _Children, number: int, work: Callable[[], _Result]) -> Connection:
+    """Start a function in a copy of this process; return where its result comes."""
     source, sink = Pipe(duplex=False)
-    parent = os.getpid()
+    parent, memory = os.getpid(), Heartbeat()
     if (pid := os.fork()) == 0:
         try:
             ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
             if os.getppid() == parent:
+                heartbeat.own = memory
                 try:
                     result = work()
                 except Exception as exc:  # noqa: BLE001  (the caller reports it)
-                    result = b"", str(exc) or error_text(exc)
+                    result = b"", str(exc) or error_text(exc), []
                 sink.send(result)
         finally:
             os._exit(0)
     sink.close()
-    return source, pid
+    children[source] = _Child(number, pid, memory, Watcher(memory, pid, is_owner=False))
+    return source
 
 
-def _answer(source: Connection, pid: int) -> tuple[bytes, str]:
+def _answer(children: _Children, source: Connection) -> _Result:
     """Return the result of a copy, which ends with it; nothing where it has died."""
+    child = children.pop(source)
     try:
-        answer: tuple[bytes, str] = source.recv()
+        answer: _Result = source.recv()
     except (EOFError, OSError):
-        answer = b"", ""
+        answer = b"", "", []
     source.close()
-    os.waitpid(pid, 0)  # no time-out: it ends after its result
+    child.memory.close()
+    os.waitpid(child.pid, 0)  # no time-out: it ends after its result
     return answer
 
 
-def _end(children: dict[Connection, tuple[int, int]]) -> None:
-    for pid, _ in children.values():
-        os.kill(pid, signal.SIGKILL)
-        os.waitpid(pid, 0)  # no time-out: it was killed
+def _end(children: _Children) -> None:
+    for child in children.values():
+        os.kill(child.pid, signal.SIGKILL)
+        os.waitpid(child.pid, 0)  # no time-out: it was killed
 
 
 if __name__ == "__main__":

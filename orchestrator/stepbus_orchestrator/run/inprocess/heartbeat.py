@@ -166,14 +166,14 @@ class Watcher:
         end = os.pidfd_open(self._pid)
         while not select.select([end], [], [], TICK_S)[0]:
             meanwhile()
-            if not is_killed and self._is_late():
+            if not is_killed and self.is_late():
                 is_killed = True
                 signal.pidfd_send_signal(end, signal.SIGKILL)
         os.close(end)
         return is_killed
 
-    def _is_late(self) -> bool:
-        """Return whether the process has to be killed; it is interrupted first."""
+    def is_late(self) -> bool:
+        """Return whether the process has to be killed; it is interrupted first. Ask every 0.1 s."""
         now, words = time.monotonic(), self._heartbeat.words
         elapsed_s, self._looked_at = min(now - self._looked_at, _LONGEST_TICK_S), now
         stage, turn = self._heartbeat.stage, int(words[TURN])
