@@ -2,6 +2,7 @@
 
 import math
 
+import msgspec
 import pytest
 
 from stepbus_schemas import WiringError
@@ -75,6 +76,7 @@ def test_a_metric_that_is_no_finite_number_is_absent_and_says_so(tmp_path):
     planned = plan("two_link", options)
     bundle = collect(planned.variants, planned.spec.metrics)
     with Trials(bundle, keep="none", home=None) as trials:
-        row, _ = trials.run(planned.design[0])
+        data, _ = trials.run(planned.design[0], 0.0)
+    row = msgspec.json.decode(data, type=ResultRow)
     assert [row.metrics[name] for name in ("far", "odd", "near")] == [None, None, 0.5]
     assert row.metric_error == "far is inf; odd is nan"

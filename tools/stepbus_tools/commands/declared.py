@@ -258,3 +258,9 @@ class Sweep(Command, work="sweep", group="many", is_run=True):
     address: str = ""
     """address of a Ray cluster, e.g. auto or HOST:6379"""
     json: Json = False
+
+    def load(self) -> Any:
+        """Start what loads on another core meanwhile, and return the function."""
+        if not self.address:
+            import_module("stepbus_tools.sweep.server_process").start_early()
+        return super().load()

@@ -2,8 +2,8 @@
 
 `python -P -m stepbus_tools.sweep.fork_server DESCRIPTOR` is sent a bundle and the options of a
 sweep, and answers with an error or an empty text. Then it is sent points; each answer is the number
-of a run, its row as JSON (empty where its process has died) and its error. None is answered by
-None. It ends with the other end of the connection.
+of a run, its row as JSON (empty where its process has died) and its error. It sends None where
+nothing happens while runs go on. It ends with the other end of the connection.
 """
 
 import contextlib
@@ -18,14 +18,13 @@ from functools import partial
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
-from pkgutil import resolve_name
 
 from stepbus_orchestrator.run.inprocess import heartbeat
 from stepbus_orchestrator.run.inprocess.heartbeat import TICK_S, Heartbeat, Watcher
 from stepbus_participant import is_ours
 from stepbus_schemas import error_text
 from stepbus_tools.sweep.axes import Point
-from stepbus_tools.sweep.pool import PoolOptions, run_point
+from stepbus_tools.sweep.pool import PoolOptions
 from stepbus_tools.sweep.row_run import plot_run
 from stepbus_tools.sweep.trial import Trials
 
@@ -49,9 +48,9 @@ _Children = dict[Connection, _Child]
 
 def serve(channel: Connection) -> None:
     """Fork a process for each point, until the other end is closed."""
-    bundle, options = channel.recv()
     children: _Children = {}
     with contextlib.suppress(EOFError, OSError), contextlib.ExitStack() as stack:
+        bundle, options = channel.recv()
         try:
             trials = stack.enter_context(Trials(bundle, keep=options.keep, home=options.home))
             # Before its folder is removed, in which they write.
@@ -64,6 +63,9 @@ def serve(channel: Connection) -> None:
         channel.send(error)
         while not error:
             ready = wait([channel, *children], TICK_S if children else None)
+            if not ready:
+                # As long as runs go on, the other end hears of us.
+                channel.send(None)
             for source, child in list(children.items()):
                 if source in ready:
                     row, why, modules = _answer(children, source)
@@ -72,13 +74,16 @@ def serve(channel: Connection) -> None:
                 elif child.watcher.is_late():
                     os.kill(child.pid, signal.SIGKILL)
             if channel in ready:
-                match channel.recv():
-                    case None:
-                        channel.send(None)
-                    case Point() as point:
-                        _fork(children, point.number, partial(_run, trials, point, options))
-                    case number, picture:
-                        _fork(children, number, partial(_plot, options, number, picture))
+                _begin(channel, children, trials, options)
+
+
+def _begin(channel: Connection, children: _Children, trials: Trials, options: PoolOptions) -> None:
+    """Begin what the other end asks for."""
+    match channel.recv():
+        case Point() as point:
+            _fork(children, point.number, partial(_run, trials, point, options))
+        case number, picture:
+            _fork(children, number, partial(_plot, options, number, picture))
 
 
 def _load(trials: Trials, channel: Connection, children: _Children) -> str:
@@ -87,10 +92,7 @@ def _load(trials: Trials, channel: Connection, children: _Children) -> str:
     The user's metrics are tried in a fork: one that starts a thread is loaded by each run, since a
     process with threads must not fork. Raises EOFError where the other end is closed meanwhile.
     """
-    for name in filter(is_ours, trials.classes()):
-        # A run that needs it says what is wrong.
-        with contextlib.suppress(Exception):
-            resolve_name(name)
+    trials.prepare()
     source = _fork(children, -1, lambda: (_threads(trials), "", []))
     if channel in wait([channel, source]):
         raise EOFError
@@ -118,7 +120,7 @@ def _threads(trials: Trials) -> bytes:
 
 def _run(trials: Trials, point: Point, options: PoolOptions) -> _Result:
     before = set(sys.modules)
-    row, _ = run_point(trials, point, options)
+    row, _ = trials.run(point, options.timeout_s)
     return row, "", [name for name in sys.modules if is_ours(name) and name not in before]
 
 

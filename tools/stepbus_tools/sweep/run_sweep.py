@@ -17,10 +17,9 @@ from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.axes import Point
-from stepbus_tools.sweep.bundle import Bundle, collect
+from stepbus_tools.sweep.bundle import SOURCE_FOLDER, Bundle, collect
 from stepbus_tools.sweep.optimize import Optimizer
 from stepbus_tools.sweep.pool import PoolOptions, open_workers, run_points
-from stepbus_tools.sweep.row_run import SOURCE_FOLDER
 from stepbus_tools.sweep.rows import TABLE_FILE, Journal, ResultRow, write_table
 from stepbus_tools.sweep.spec import SPEC_FILE, Plan, differences, load_spec, save_spec
 from stepbus_tools.sweep.sweep_page import PAGE_FILE, extremes, write_page
