@@ -75,8 +75,8 @@ def test_a_metric_that_is_no_finite_number_is_absent_and_says_so(tmp_path):
     options["metrics"] = [f"{tmp_path}/my.py:measure"]
     planned = plan("two_link", options)
     bundle = collect(planned.variants, planned.spec.metrics)
-    with Trials(bundle, keep="none", home=None) as trials:
-        data, _ = trials.run(planned.design[0], 0.0)
+    trials = Trials(bundle, tmp_path / "trials", keep="none", home=None)
+    data, _ = trials.run(planned.design[0], 0.0)
     row = msgspec.json.decode(data, type=ResultRow)
     assert [row.metrics[name] for name in ("far", "odd", "near")] == [None, None, 0.5]
     assert row.metric_error == "far is inf; odd is nan"

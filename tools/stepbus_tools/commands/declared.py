@@ -1,5 +1,6 @@
 """The commands of the tools."""
 
+import contextlib
 from dataclasses import KW_ONLY
 from importlib import import_module
 from pathlib import Path
@@ -261,6 +262,8 @@ class Sweep(Command, work="sweep", group="many", is_run=True):
 
     def load(self) -> Any:
         """Start what loads on another core meanwhile, and return the function."""
-        if not self.address:
-            import_module("stepbus_tools.sweep.server_process").start_early()
+        server = import_module("stepbus_tools.sweep.server_process")
+        with contextlib.suppress(OSError):
+            if not self.address:
+                server.early.append(server.start_server())
         return super().load()

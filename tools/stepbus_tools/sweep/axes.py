@@ -195,7 +195,6 @@ def _of_scipy(name: str, arguments: list[Any], keywords: dict[str, Any], text: s
     return Distribution(frozen, is_discrete=isinstance(getattr(stats, name), stats.rv_discrete))
 
 
-SAMPLINGS = ("random", "latin", "sobol", "halton")
 SEED = "seed"
 
 

@@ -1,9 +1,10 @@
 """The process of which each run of a sweep on this machine is a fork.
 
 `python -P -m stepbus_tools.sweep.fork_server DESCRIPTOR` is sent a bundle and the options of a
-sweep, and answers with an error or an empty text. Then it is sent points; each answer is the number
-of a run, its row as JSON (empty where its process has died) and its error. It sends None where
-nothing happens while runs go on. It ends with the other end of the connection.
+sweep, and answers with an error or an empty text. Then it is sent numbers of runs, each with a
+point or the path of a picture; each answer is a number, the row as JSON (empty where its process
+has died) and an error. It sends None where nothing happens while runs go on. It ends with the other
+end of the connection.
 """
 
 import contextlib
@@ -13,12 +14,12 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
 
+from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_orchestrator.run.inprocess import heartbeat
 from stepbus_orchestrator.run.inprocess.heartbeat import TICK_S, Heartbeat, Watcher
 from stepbus_participant import is_ours
@@ -31,19 +32,8 @@ from stepbus_tools.sweep.trial import Trials
 _PR_SET_PDEATHSIG = 1
 _Result = tuple[bytes, str, list[str]]
 """Of a copy of this process: its answer, its error, and modules that others will need too."""
-
-
-@dataclass(frozen=True)
-class _Child:
-    """A copy of this process, which is killed where a participant does not come back in it."""
-
-    number: int
-    pid: int
-    memory: Heartbeat
-    watcher: Watcher
-
-
-_Children = dict[Connection, _Child]
+_Children = dict[Connection, tuple[int, Watcher]]
+"""Where the result of each copy comes → its number, and what ends it where it hangs."""
 
 
 def serve(channel: Connection) -> None:
@@ -52,9 +42,10 @@ def serve(channel: Connection) -> None:
     with contextlib.suppress(EOFError, OSError), contextlib.ExitStack() as stack:
         bundle, options = channel.recv()
         try:
-            trials = stack.enter_context(Trials(bundle, keep=options.keep, home=options.home))
+            folder = stack.enter_context(scratch_folder("sweep"))
             # Before its folder is removed, in which they write.
             stack.callback(_end, children)
+            trials = Trials(bundle, folder, keep=options.keep, home=options.home)
             error = _load(trials, channel, children)
         except EOFError:
             return
@@ -66,24 +57,16 @@ def serve(channel: Connection) -> None:
             if not ready:
                 # As long as runs go on, the other end hears of us.
                 channel.send(None)
-            for source, child in list(children.items()):
+            for source, (number, watcher) in list(children.items()):
                 if source in ready:
                     row, why, modules = _answer(children, source)
-                    channel.send((child.number, row, why))
+                    channel.send((number, row, why))
                     _prepare(modules)
-                elif child.watcher.is_late():
-                    os.kill(child.pid, signal.SIGKILL)
+                elif watcher.is_late():
+                    os.kill(watcher.pid, signal.SIGKILL)
             if channel in ready:
-                _begin(channel, children, trials, options)
-
-
-def _begin(channel: Connection, children: _Children, trials: Trials, options: PoolOptions) -> None:
-    """Begin what the other end asks for."""
-    match channel.recv():
-        case Point() as point:
-            _fork(children, point.number, partial(_run, trials, point, options))
-        case number, picture:
-            _fork(children, number, partial(_plot, options, number, picture))
+                number, task = channel.recv()
+                _fork(children, number, partial(_result, trials, options, number, task))
 
 
 def _load(trials: Trials, channel: Connection, children: _Children) -> str:
@@ -93,40 +76,39 @@ def _load(trials: Trials, channel: Connection, children: _Children) -> str:
     process with threads must not fork. Raises EOFError where the other end is closed meanwhile.
     """
     trials.prepare()
-    source = _fork(children, -1, lambda: (_threads(trials), "", []))
+
+    def threads() -> _Result:
+        trials.load_metrics()
+        # A list of the kernel's.
+        return str(len(os.listdir("/proc/self/task"))).encode(), "", []  # noqa: PTH208
+
+    source = _fork(children, -1, threads)
     if channel in wait([channel, source]):
         raise EOFError
-    threads, error, _ = _answer(children, source)
-    if threads == b"1":
+    count, error, _ = _answer(children, source)
+    if count == b"1":
         trials.load_metrics()
     _prepare([])
-    return error or ("" if threads else "a metric has ended its process")
+    return error or ("" if count else "a metric has ended its process")
 
 
 def _prepare(modules: list[str]) -> None:
-    """Load what a run has loaded, for those that follow."""
+    """Load what a run has loaded, and prepare it for those that follow."""
     for name in modules:
-        # That which is loaded, prepared and never used again is shared with all copies.
         with contextlib.suppress(Exception):
             getattr(import_module(name), "prepare", int)()
     # A child that changes the count of references to something copies its page.
     gc.freeze()
 
 
-def _threads(trials: Trials) -> bytes:
-    trials.load_metrics()
-    return str(len(os.listdir("/proc/self/task"))).encode()  # noqa: PTH208  (a list of the kernel's)
-
-
-def _run(trials: Trials, point: Point, options: PoolOptions) -> _Result:
+def _result(trials: Trials, options: PoolOptions, number: int, task: Point | Path) -> _Result:
+    """Run a point, or make a run again for its picture."""
+    if isinstance(task, Path):
+        plot_run(options.home, number, task, None)
+        return b"", "", []
     before = set(sys.modules)
-    row, _ = trials.run(point, options.timeout_s)
+    row, _ = trials.run(task, options.timeout_s)
     return row, "", [name for name in sys.modules if is_ours(name) and name not in before]
-
-
-def _plot(options: PoolOptions, number: int, picture: Path) -> _Result:
-    plot_run(options.home, number, picture, None)
-    return b"", "", []
 
 
 def _fork(children: _Children, number: int, work: Callable[[], _Result]) -> Connection:
@@ -146,27 +128,27 @@ def _fork(children: _Children, number: int, work: Callable[[], _Result]) -> Conn
         finally:
             os._exit(0)
     sink.close()
-    children[source] = _Child(number, pid, memory, Watcher(memory, pid, is_owner=False))
+    children[source] = number, Watcher(memory, pid, is_owner=False)
     return source
 
 
 def _answer(children: _Children, source: Connection) -> _Result:
     """Return the result of a copy, which ends with it; nothing where it has died."""
-    child = children.pop(source)
+    _, watcher = children.pop(source)
     try:
         answer: _Result = source.recv()
     except (EOFError, OSError):
         answer = b"", "", []
     source.close()
-    child.memory.close()
-    os.waitpid(child.pid, 0)  # no time-out: it ends after its result
+    watcher.heartbeat.close()
+    os.waitpid(watcher.pid, 0)  # no time-out: it ends after its result
     return answer
 
 
 def _end(children: _Children) -> None:
-    for child in children.values():
-        os.kill(child.pid, signal.SIGKILL)
-        os.waitpid(child.pid, 0)  # no time-out: it was killed
+    for source, (_, watcher) in list(children.items()):
+        os.kill(watcher.pid, signal.SIGKILL)
+        _answer(children, source)
 
 
 if __name__ == "__main__":

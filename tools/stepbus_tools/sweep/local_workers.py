@@ -14,7 +14,7 @@ from stepbus_participant import need
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle
 from stepbus_tools.sweep.pool import WAIT_S, Answer, PoolOptions, wait_for_start
-from stepbus_tools.sweep.server_process import start_server
+from stepbus_tools.sweep.server_process import early, start_server
 
 _LOAD_S = 120.0
 """How long the fork server may take to load what runs need [s]."""
@@ -39,11 +39,11 @@ class LocalWorkers:
     def __enter__(self) -> Self:
         """Start the fork server."""
         try:
-            self._server, self._channel = start_server()
+            self._server, self._channel = early.pop() if early else start_server()
         except OSError as exc:
             raise StartFailed(f"could not start a worker: {exc.strerror}") from exc
         with contextlib.ExitStack() as stack:
-            stack.callback(self._end)
+            stack.push(self)
             self._send(self._first)
             # While it prepares the runs; it is what the table is written with.
             need("a sweep", "pyarrow.parquet")
@@ -54,10 +54,6 @@ class LocalWorkers:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End all runs, and the fork server."""
-        self._end()
-
-    def _end(self) -> None:
         """Close the channel: the fork server ends its runs then, removes its folder, and ends."""
         self._channel.close()
         try:
@@ -73,7 +69,7 @@ class LocalWorkers:
 
     def start(self, point: Point) -> int:
         """Start a run; return its number."""
-        self._send(point)
+        self._send((point.number, point))
         return point.number
 
     def answers(self, _keys: Sequence[int], timeout_s: float) -> Iterator[tuple[int, Answer]]:

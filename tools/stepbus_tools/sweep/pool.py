@@ -26,7 +26,6 @@ _RETRIED = frozenset(
     (ExitCode.START, ExitCode.DIED, ExitCode.STEP_TIMEOUT, ExitCode.BUS, ExitCode.STOP_TIMEOUT)
 )
 """Failures that a machine can cause; any other would come again."""
-_TIMED_OUT = "timed out"
 Done = tuple[ResultRow, Files]
 """The row of a run, and its files where it stays and comes from a cluster."""
 Answer = tuple[bytes, Files, str]
@@ -144,7 +143,7 @@ def _done(task: _Task, answer: Answer, options: PoolOptions) -> Done | None:
         limit_s = options.timeout_s
         if limit_s and time.monotonic() - task.since >= limit_s:
             reason = f"it exceeded the limit of {limit_s:g} s"
-            return failed_row(task.point, _TIMED_OUT, reason, ExitCode.STEP_TIMEOUT), {}
+            return failed_row(task.point, "timed out", reason, ExitCode.STEP_TIMEOUT), {}
         task.deaths += 1
         if task.deaths < _MOST_DEATHS:
             return None

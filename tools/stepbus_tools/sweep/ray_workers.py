@@ -9,6 +9,7 @@ from typing import Any, Self
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes import PYTHON
+from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_participant import need
 from stepbus_schemas import error_text
 from stepbus_tools.sweep.axes import Point
@@ -23,14 +24,15 @@ _START_S = 60.0
 def _run(bundle: Bundle, point: Point, options: PoolOptions) -> tuple[bytes, Files]:
     """Run a point in a process of Ray, as of `Trials.run`."""
     # On a cluster, a folder of that name is another folder on another machine.
-    with Trials(bundle, keep=options.keep, home=None) as trials:
+    with scratch_folder("sweep") as folder:
+        trials = Trials(bundle, folder, keep=options.keep, home=None)
         return trials.run(point, options.timeout_s)
 
 
 def _check(bundle: Bundle) -> None:
     """Load what runs need, in a process of Ray; raises MetricFailed."""
-    with Trials(bundle, keep="none", home=None) as trials:
-        trials.load_metrics()
+    with scratch_folder("sweep") as folder:
+        Trials(bundle, folder, keep="none", home=None).load_metrics()
 
 
 class RayWorkers:

@@ -54,7 +54,7 @@ class RowRun:
         with Journal(folder) as journal:
             if number not in journal:
                 raise WiringError(f"{folder} has no run {number}; it has {len(journal)} runs")
-            self._row = journal.row(number)
+            self._row = journal[number]
         self.path = folder / SPEC_FILE
         self._source = folder / SOURCE_FOLDER / "scenario"
         files = self._source.rglob(SCENARIO_ATTACHMENT)

@@ -163,7 +163,7 @@ class _Sweep:
     def run(self, interrupt: threading.Event) -> SweepResult:
         """Run all points without a row, and write the tables and the page; raises Interrupted."""
         journal = self._journal
-        for row in journal.rows():
+        for row in journal.values():
             self._count(row)
         if self._resumed < self._total:
             self._report("starting workers")
@@ -206,7 +206,7 @@ class _Sweep:
             if interrupt.is_set():
                 return
             if optimizer is not None:
-                optimizer.tell([_checked(self._journal.row(p.number), p) for p in batch])
+                optimizer.tell([_checked(self._journal[p.number], p) for p in batch])
 
     def _pictures(self) -> dict[str, tuple[int, Path]]:
         """Return title → number and picture of the best and the worst run."""

@@ -1,6 +1,5 @@
-"""Starts the fork server of a sweep, where it can before the rest of the sweep is loaded."""
+"""Starts the fork server of a sweep, if possible while the rest of the sweep is loaded."""
 
-import contextlib
 import os
 import socket
 import subprocess
@@ -10,27 +9,14 @@ from multiprocessing.connection import Connection
 from stepbus_orchestrator.processes import PYTHON
 
 _COMMAND = (sys.executable, "-P", "-m", "stepbus_tools.sweep.fork_server")
-Server = tuple[subprocess.Popen[bytes], Connection]
-"""The process, and the connection with which it ends."""
-_early: list[Server] = []
+early: list[tuple[subprocess.Popen[bytes], Connection]] = []
+"""Those that wait for a sweep."""
 
 
-def start_early() -> None:
-    """Start the fork server of the next sweep: it loads on another core while the caller does."""
-    with contextlib.suppress(OSError):
-        _early.append(_start())
-
-
-def start_server() -> Server:
-    """Return a fork server; raises OSError where it cannot be started."""
-    return _early.pop() if _early else _start()
-
-
-def _start() -> Server:
+def start_server() -> tuple[subprocess.Popen[bytes], Connection]:
+    """Return a new fork server, and the connection with which it ends; raises OSError."""
     ours, theirs = socket.socketpair()
-    channel = Connection(ours.detach())
-    with theirs, contextlib.ExitStack() as stack:
-        stack.callback(channel.close)
+    with theirs, ours:
         process = subprocess.Popen(
             [*_COMMAND, str(theirs.fileno())],
             stdin=subprocess.DEVNULL,
@@ -40,5 +26,13 @@ def _start() -> Server:
             env={**os.environ, **PYTHON},
             start_new_session=True,
         )
-        stack.pop_all()
-    return process, channel
+        return process, Connection(ours.detach())
+
+
+def end_early() -> None:
+    """End what no sweep has taken."""
+    while early:
+        process, channel = early.pop()
+        channel.close()
+        process.kill()
+        process.wait()  # no time-out: it was killed

@@ -10,7 +10,6 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Self
 
 import msgspec
 
@@ -26,7 +25,7 @@ from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import is_ours, make_folder
 from stepbus_schemas import StepbusError, WiringError, json_schema
 from stepbus_tools.sweep.axes import Point
-from stepbus_tools.sweep.bundle import METRICS_FOLDER, Bundle
+from stepbus_tools.sweep.bundle import METRICS_FOLDER, SOURCE_FOLDER, Bundle
 from stepbus_tools.sweep.rows import ResultRow, failed_row
 from stepbus_tools.sweep.spec import overrides_of
 from stepbus_tools.sweep.sweep_metrics import Metrics, Value, builtin_metrics
@@ -36,31 +35,20 @@ Files = Mapping[str, bytes]
 
 
 class Trials:
-    """Runs points of one sweep, one after the other, in a folder of its own.
+    """Runs points of one sweep, one after the other.
 
-    keep: which runs' folders stay. home: the sweep's folder, where it is within reach; else what
-    stays is returned by content.
+    folder: a new one, in which they take place. keep: which runs' folders stay. home: the sweep's
+    folder, where it is within reach; else what stays is returned by content.
     """
 
-    def __init__(self, bundle: Bundle, *, keep: str, home: Path | None) -> None:
+    def __init__(self, bundle: Bundle, folder: Path, *, keep: str, home: Path | None) -> None:
         self._bundle = bundle
         self._keep = keep
         self._home = home
-        self._temporary = tempfile.TemporaryDirectory(
-            prefix="stepbus-sweep-", ignore_cleanup_errors=True
-        )
-        self._folder = Path(self._temporary.name)
-        self._source = self._folder / "source"
+        self._folder = folder
+        self._source = folder / SOURCE_FOLDER
         self._scenario = bundle.unpack(self._source)
         self._metrics: Metrics | None = None
-
-    def __enter__(self) -> Self:
-        """Return it."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Remove the folder."""
-        self._temporary.cleanup()
 
     def prepare(self) -> None:
         """Load what each run needs, but no code of the user's."""

@@ -65,10 +65,7 @@ def _import_pybullet() -> Any:
 
 
 bullet = _import_pybullet()
-
-
 _unused: list[int] = []
-"""Clients that have no world yet."""
 
 
 def prepare() -> None:
