@@ -17,7 +17,7 @@ from stepbus_orchestrator.replay.rerun import rerun
 from stepbus_schemas import WiringError
 
 if TYPE_CHECKING:
-    from stepbus_tools.figures import Comparison
+    from stepbus_tools.dataframes import Comparison
     from stepbus_tools.viewing.exports import Exported
 
 __all__ = [
@@ -43,9 +43,9 @@ def compare(first: Source, second: Source) -> Comparison:
 
     Raises RecordingFailed when a recording cannot be read.
     """
-    from stepbus_tools import figures  # noqa: PLC0415  (a tool, when it is asked for)
+    from stepbus_tools import dataframes  # noqa: PLC0415  (a tool, when it is asked for)
 
-    return figures.compare(recording_file(first), recording_file(second))
+    return dataframes.compare(recording_file(first), recording_file(second))
 
 
 def recover(recording: Source, target: str | PathLike[str]) -> Recovery:

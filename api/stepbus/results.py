@@ -12,8 +12,9 @@ if TYPE_CHECKING:
     from stepbus_orchestrator.replay.branch import Branch
     from stepbus_orchestrator.replay.rerun import Rerun
     from stepbus_orchestrator.run.describe import ParticipantDescription
-    from stepbus_tools.figures import Comparison, FieldError, Metrics
+    from stepbus_tools.dataframes import Comparison, FieldError
     from stepbus_tools.sweep.run_sweep import SweepProgress, SweepResult
+    from stepbus_tools.sweep.sweep_metrics import Metrics
     from stepbus_tools.viewing.exports import Exported
 
 __all__ = [
@@ -40,9 +41,10 @@ _HOMES = (
     "stepbus_orchestrator.replay.branch",
     "stepbus_orchestrator.replay.rerun",
     "stepbus_orchestrator.run.describe",
-    "stepbus_tools.figures",
+    "stepbus_tools.dataframes",
     "stepbus_tools.viewing.exports",
     "stepbus_tools.sweep.run_sweep",
+    "stepbus_tools.sweep.sweep_metrics",
 )
 
 __getattr__, __dir__ = imported_on_use(__name__, __all__, _HOMES)

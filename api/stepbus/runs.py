@@ -14,18 +14,17 @@ from stepbus_orchestrator.analysis.verify import verify as verify_scenario
 from stepbus_orchestrator.run.describe import ParticipantDescription
 from stepbus_orchestrator.run.describe import describe as describe_scenario
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.run.extensions.external import External, as_external
+from stepbus_orchestrator.run.extensions.external import External
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.live_file import call as call_run
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of
+from stepbus_orchestrator.run.run_scenario import Options, host_of
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
 from stepbus_orchestrator.scenario.load import load as load_scenario
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts, plain_value
-from stepbus_orchestrator.scenario.program import check_installed
 from stepbus_schemas import CallReply, StepbusError, WiringError
 
 AnyScenario = str | PathLike[str] | Mapping[str, Any] | Scenario
@@ -105,16 +104,13 @@ def run(
         raise WiringError(f"real_time must be a factor from 0.001 to 1000, not {real_time}")
     loaded = load(scenario, set=set, faults=faults)
     tickets = {name: Path(path) for name, path in (external or {}).items()}
-    loaded = as_external(loaded, tickets)
-    check_installed(loaded)
-    folder = default_folder(loaded, Path("runs")) if out is None else Path(out)
     chosen: list[RunExtension] = [External(tickets), *extensions]
     if pace is not None:
         chosen.append(pace)
     if real_time is not None:
         chosen.append(RealTime(loaded.step_ns, float(real_time)))
     options = Options(
-        out=folder,
+        out=None if out is None else Path(out),
         host=host_of(in_process=in_process),
         extensions=chosen,
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from stepbus_orchestrator.scenario.override import Overrides, override_texts, yaml_text
+from stepbus_tools.sweep.axes import Sampling
 from stepbus_tools.sweep.pool import PoolOptions
 from stepbus_tools.sweep.run_sweep import SweepProgress, SweepResult
 from stepbus_tools.sweep.run_sweep import sweep as run_sweep
@@ -24,7 +25,7 @@ def sweep(
     *,
     set: Overrides = (),  # noqa: A002  as --set on the command line
     samples: int | None = None,
-    sampling: Literal["random", "latin", "sobol", "halton"] | None = None,
+    sampling: Sampling | None = None,
     seed: int | None = None,
     repeats: int | None = None,
     metrics: Sequence[str] = (),

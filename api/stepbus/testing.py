@@ -20,23 +20,19 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-import msgspec
-
 from stepbus_participant import (
     Config,
     Input,
     LoopbackBus,
-    OutputError,
+    OutputPorts,
     Participant,
     PortType,
     Step,
     names_of,
-    own_types,
     parse_duration,
     suggest,
 )
 from stepbus_schemas import (
-    Decoder,
     Description,
     InputConfig,
     Message,
@@ -45,7 +41,6 @@ from stepbus_schemas import (
     Types,
     WiringError,
     encode,
-    explained,
     type_name,
 )
 
@@ -194,12 +189,9 @@ class Bench:
         self.descriptions = dict(self.participant.describe())
         self.index = 0
         self._inputs = {name: Input(name, item, types) for name, item in inputs.items()}
-        self._decoders = {name: Decoder(types[item.type]) for name, item in outputs.items()}
+        self._ports = OutputPorts(outputs, types, decodes_all=True)
         given = descriptions or {}
-        self._own = own_types({name: item.type for name, item in outputs.items()}, types)
-        for name, names in names_of(self.descriptions, given).items():
-            if name in self._own:
-                self._own[name].names = names
+        self._ports.set_names(names_of(self.descriptions, given))
         self._step = Step(self._inputs, self.config.step_ns)
         if self.participant is not factory:
             self.participant.start({port: given.get(port, Description()) for port in inputs})
@@ -224,25 +216,8 @@ class Bench:
         if not is_first:
             published = dict(updated or {})
         for port, message in published.items():
-            self._check(port, message)
+            self._ports.encode(step.index, port, message)
         return published
-
-    def _check(self, port: str, message: Message) -> None:
-        """Refuse what the readers of an output could not take."""
-        where = f"step {self._step.index}: output {port!r}"
-        output = self.config.outputs.get(port)
-        if output is None:
-            known = suggest(port, self.config.outputs)
-            raise OutputError(f"{where} is not in the configuration{known}")
-        if type_name(type(message)) != output.type:
-            raise OutputError(f"{where} takes {output.type}, got {type_name(type(message))}")
-        try:
-            data = encode(message)
-            self._decoders[port](data)
-        except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
-            raise OutputError(f"{where} cannot be sent: {explained(exc)}") from exc
-        if port in self._own and (problem := self._own[port].problem(message, data)):
-            raise OutputError(f"{where} cannot be sent: {problem}")
 
     def call(self, verb: str, *args: Any) -> Any:
         """Call a method of the participant between two steps and return the answer."""

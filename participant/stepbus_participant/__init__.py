@@ -29,8 +29,8 @@ from .parameters.settings import *
 from .participant import *
 from .process import *
 from .session.outbox import OutputError as OutputError
+from .session.outbox import OutputPorts as OutputPorts
 from .session.outbox import names_of as names_of
-from .session.outbox import own_types as own_types
 from .session.outbox import read_stamp as read_stamp
 from .session.outbox import stamp as stamp
 from .session.session import take_part as take_part

@@ -101,7 +101,7 @@ def make_file(path: Path, mode: int = _FILE_MODE, disk: Disk = os) -> int:
 
 
 def write_parts_at(disk: Disk, fd: int, parts: Iterable[bytes], offset: int) -> None:
-    """Write all parts, one behind the other; raises OSError."""
+    """Write all parts, one after the other; raises OSError."""
     rest = [memoryview(part) for part in parts if part]
     while rest:
         count = disk.pwritev(fd, rest[:_MOST_PARTS], offset)

@@ -122,7 +122,7 @@ def read_text(path: Path, encoding: str = "utf-8", errors: str = "strict") -> st
 def last_lines(log: Path) -> str:
     """Return the end of a log for a message: its last lines, as they are; empty where it has none.
 
-    What pip can install of a missing module stands behind them.
+    What pip can install of a missing module follows them.
     """
     try:
         with log.open("rb") as file:

@@ -7,6 +7,7 @@ wanted. A child goes on in `__main__` as if it had been started for its particip
 import contextlib
 import ctypes
 import gc
+import mmap
 import os
 import signal
 import socket
@@ -56,7 +57,7 @@ def become_participants(modules: list[str]) -> str:
             if not data or len(os.listdir("/proc/self/task")) > 1:  # noqa: PTH208  (pathlib is slower)
                 os._exit(0)
             pid = _fork()
-            if pid == 0:
+            if pid is None:
                 break
             os.close(files[0])
             channel.send(str(pid).encode())
@@ -66,23 +67,19 @@ def become_participants(modules: list[str]) -> str:
     return birth.words[-1]
 
 
-def _fork() -> int:
-    """Return 0 in a new process, and here its process id.
+def _fork() -> int | None:
+    """Return None in a new process, and here its process id; 0: there is none.
 
     Its parent has ended, so it is a child of the subreaper above us, the orchestrator.
     """
-    source, sink = os.pipe()
+    shared = mmap.mmap(-1, 4)
     if (between := os.fork()) == 0:
-        if (pid := os.fork()) > 0:
-            os.write(sink, str(pid).encode())
-            os._exit(0)
-        os.close(source)
-        os.close(sink)
-        return 0
-    os.close(sink)
+        if (pid := os.fork()) == 0:
+            return None
+        shared[:] = pid.to_bytes(4)
+        os._exit(0)
     os.waitpid(between, 0)  # no time-out: it does nothing but fork
-    with os.fdopen(source) as file:
-        return int(file.read())
+    return int.from_bytes(shared)
 
 
 def _settle(birth: Birth, log: int) -> None:

@@ -22,9 +22,9 @@ from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import reached_marks
 
-from .again import AGAIN
 from .draw import Draw, draw_knobs
 from .execution import Execution
+from .follow_up import FOLLOW_UPS
 from .judge import judge
 from .kinds import KINDS, arm
 from .programs import SCENARIOS
@@ -35,7 +35,7 @@ CHUNK = 250
 """Runs that a process does before it says how far it is."""
 
 _ISOLATION = 0.5
-_THEN = [*([""] * 27), *AGAIN]
+_THEN = [*([""] * 27), *FOLLOW_UPS]
 _NAMES = {name: list(make()) for name, make in SCENARIOS.items()}
 
 

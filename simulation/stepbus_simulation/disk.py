@@ -16,7 +16,7 @@ Strike = Callable[[str, int], int]
 class SimulatedDisk:
     """A `Disk` of one process, which ends with it: nothing more is written, all files are closed.
 
-    strike: what goes wrong before a call. done: is called with its name behind it. log: what was
+    strike: what goes wrong before a call. done: is called with its name after it. log: what was
     done, (call, size) each.
     """
 

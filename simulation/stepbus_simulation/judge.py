@@ -13,8 +13,8 @@ from stepbus_orchestrator.recording.recover import Recovery
 from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import StepbusError
 
-from .again import Again
 from .execution import Execution
+from .follow_up import FollowUp
 from .judge_messages import Reference, judge_incomplete, judge_messages, on_disk, reference
 from .kinds import CRASHES, KINDS, UNSEEN, culprits, lasting_ns
 from .programs import STEP_NS, scenario
@@ -144,7 +144,7 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
     yield from judge_incomplete(execution, kept)
     yield from _judge_safe_stop(execution, kept.rows)
     if execution.tape.then and not execution.watch.replaced:
-        yield from _judge_again(execution, kept.rows)
+        yield from _judge_follow_up(execution, kept.rows)
 
 
 def _recovered(path: Path) -> tuple[Recovery, Log]:
@@ -208,8 +208,8 @@ def _judge_safe_stop(execution: Execution, kept: Sequence[Row]) -> Iterator[str]
             yield f"{replaced} was replaced up to step {until}; {topic} ends at step {newest}"
 
 
-def _judge_again(execution: Execution, kept: Sequence[Row]) -> Iterator[str]:
-    """Do with the recording what its tape says, and yield what is wrong then."""
+def _judge_follow_up(execution: Execution, kept: Sequence[Row]) -> Iterator[str]:
+    """Rerun, branch or replay the recording as its tape says; yield each problem."""
     tape = execution.tape
     truth = reference(tape.scenario, tape.steps)
     # Of each port all that is recorded is there, up to its last message; see above.
@@ -217,28 +217,28 @@ def _judge_again(execution: Execution, kept: Sequence[Row]) -> Iterator[str]:
     complete = min(lasts.get(topic, -1) for topic in _ports(truth))
     if complete < 2:
         return
-    again = Again(tape, execution.out / "run.mcap", execution.out.with_name("again"), complete)
-    again.run()
+    follow_up = FollowUp(execution, complete)
+    follow_up.run()
     result = execution.result
-    if result is not None and result.exit_code == 0 and again.difference:
-        yield f"{tape.then}: {again.difference}"
-    if again.crash or again.late or again.problem:
-        yield f"{tape.then}: {again.crash or again.late or again.problem}"
+    if result is not None and result.exit_code == 0 and follow_up.difference:
+        yield f"{tape.then}: {follow_up.difference}"
+    if follow_up.crash or follow_up.late or follow_up.problem:
+        yield f"{tape.then}: {follow_up.crash or follow_up.late or follow_up.problem}"
         return
-    if again.new is None:
+    if follow_up.new is None:
         return
     # A call that was not made is not repeated.
     made = sum(row.topic == log_reader.CALLS for row in kept)
     calls = [row.step for row in truth.by_topic.get(log_reader.CALLS, ())]
     end = calls[made] if made < len(calls) else tape.steps + 1
-    if [row for row in log_reader.read(again.new).rows if row.step < end] != [
+    if [row for row in log_reader.read(follow_up.new).rows if row.step < end] != [
         row for row in truth.rows if row.step < end
     ]:
         yield f"{tape.then}: what it has recorded is not the reference"
 
 
 def _judge_crash(execution: Execution) -> Iterator[str]:
-    """Yield what is wrong behind an orchestrator that was killed."""
+    """Yield what is wrong after an orchestrator was killed."""
     path, watch = execution.out / "run.mcap", execution.watch
     if not path.exists():
         return

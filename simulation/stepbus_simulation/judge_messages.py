@@ -99,7 +99,7 @@ def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
         if here <= before:
             yield f"{row.topic} of step {row.step} is recorded behind step {before[0]}"
         before = here
-        # The hash chain of a cut recording ends with what is there; behind the end that one asked
+        # The hash chain of a cut recording ends with what is there; after the end that one asked
         # for, some are ahead.
         is_ahead = ends_early and row.step >= truth.rows[-1].step
         if row.step >= first_held or is_ahead or row.topic == CHAIN:

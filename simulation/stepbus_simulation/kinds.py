@@ -62,7 +62,7 @@ INJECTED: dict[str, Kind] = {
     "drop": Kind("outputs are not published", Draw.of_step, by_run, _LOST),
     "delay": Kind("outputs are published late", Draw.of_slow_step, by_run, _LATE, lasts=True),
     "duplicate": Kind("outputs are published twice", Draw.of_step, by_run),
-    "reorder": Kind("outputs are published behind the next ones", Draw.of_step, by_run, _LOST),
+    "reorder": Kind("outputs are published after the next ones", Draw.of_step, by_run, _LOST),
     "corrupt": Kind("outputs are damaged", Draw.of_step, by_run, _LOST),
     "oversize": Kind("outputs have a megabyte that nobody reads", Draw.of_step, by_run),
     "freeze": Kind(
@@ -77,7 +77,7 @@ INJECTED: dict[str, Kind] = {
 
 SIMULATED: dict[str, Kind] = {
     "link_delay": Kind(
-        "a message comes late, and so do all behind it",
+        "a message comes late, and so do all after it",
         lambda d: (d.link(), d.message(), d.lasting()),
         on_message("delay"), _LATE | {_DIED}, lasts=True,
     ),

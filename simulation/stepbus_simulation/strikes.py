@@ -316,7 +316,7 @@ def _steps(data: bytes) -> list[int]:
 
 
 def last_words(execution: Execution, fault: Fault) -> None:
-    """Kill a process behind a log that it sends, which comes late."""
+    """Kill a process after a log that it sends, which comes late."""
 
     def alter(data: bytes) -> list[bytes]:
         execution.struck(fault)
@@ -333,7 +333,7 @@ def last_words(execution: Execution, fault: Fault) -> None:
 
 
 def late_bulk(execution: Execution, fault: Fault) -> None:
-    """Let bulk content come late over a link, behind all but other bulk content; 0: never."""
+    """Let bulk content come late over a link, after all but other bulk content; 0: never."""
     world, network, count, until_ns = execution.world, execution.network, 0, 0
     source, target = fault.target.split(">")
 

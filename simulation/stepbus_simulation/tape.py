@@ -69,7 +69,7 @@ class Tape(msgspec.Struct, frozen=True, omit_defaults=True):
     """One simulated run.
 
     scenario: a name of `programs.SCENARIOS`. then: what is done with its recording, a name of
-    `again.AGAIN`, in a run without faults.
+    `follow_up.FOLLOW_UPS`, in a run without faults.
     """
 
     scenario: str = "loop"

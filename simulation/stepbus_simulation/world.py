@@ -57,7 +57,7 @@ class World:
             self.trace.append(f"{self.now_ns / 1e6:.3f} ms  {text}")
 
     def after(self, delay_ns: int, act: Callable[[], None]) -> Event:
-        """Let something happen after a time; it happens behind all that is due at that time."""
+        """Let something happen after a time; it happens after all that is due at that time."""
         self._count += 1
         event = Event(act)
         heapq.heappush(self._events, (self.now_ns + max(0, delay_ns), self._count, event))
@@ -174,7 +174,7 @@ class Process:
     def thaw(self) -> None:
         """Let it go on, as SIGCONT does.
 
-        Where its own code was stopped between two calls, that goes on before or behind what has
+        Where its own code was stopped between two calls, that goes on before or after what has
         arrived meanwhile, which other threads of a real process take.
         """
         self.is_frozen = False

@@ -12,9 +12,6 @@ import numpy as np
 
 from stepbus import Recording
 
-OUTLET = (0.15, 0.65)
-"""Where the scenario wants what was ordered, from the first pose of the base [m]."""
-
 
 def _poses(recording: Recording) -> tuple[list[str], Any]:
     """Return the names of the bodies, and their positions, shape (steps, n, 3) [m]."""
@@ -31,9 +28,10 @@ def _sold(recording: Recording) -> int:
 
 
 def place(recording: Recording) -> float:
-    """Return the distance of the item from its spot."""
+    """Return the distance of the item from the middle of the scenario's outlet."""
+    outlet = recording.scenario["participants"]["mission"]["params"]["outlet"]["position"]
     _, rows = _poses(recording)
-    return 1e3 * math.dist(rows[-1, _sold(recording), :2], OUTLET)
+    return 1e3 * math.dist(rows[-1, _sold(recording), :2], outlet[:2])
 
 
 def others(recording: Recording) -> float:

@@ -57,10 +57,10 @@ OUTLET = Look((0.45, 0.15, 0.30), 3.5, -40.0, 23.0, 32.0)
 def shots(log: Log, when: Moments) -> Sequence[Shot]:
     """Return the film: drive, find and grasp, carry, place."""
     arrived = _still(log, when.start, when.found)
-    events = [(s, m) for s, m in log.all("mission/events") if isinstance(m, Event)]
+    events = [(s, m) for s, m in log.messages("mission/events") if isinstance(m, Event)]
     lifted = next(step for step, event in events if ": lifted" in event.text)
     home = _still(log, lifted, when.placed)
-    end = log.all("plant/joint_state")[-1][0]
+    end = log["plant/joint_state"].last_step
     return (
         Shot("drive to the shelf", when.start, arrived, 3.0, WIDE),
         Shot("find the can, grasp it", arrived, lifted, 4.0, SHELF),
@@ -71,7 +71,7 @@ def shots(log: Log, when: Moments) -> Sequence[Shot]:
 
 def _still(log: Log, start: int, end: int) -> int:
     """Return the step from which the base no longer moves before `end`."""
-    states = [(s, m) for s, m in log.all("plant/odometry") if isinstance(m, BaseState)]
+    states = [(s, m) for s, m in log.messages("plant/odometry") if isinstance(m, BaseState)]
     return max(s for s, m in states if start <= s <= end and abs(m.vx) + abs(m.wz) > 0.02)
 
 
@@ -81,7 +81,7 @@ def frames(log: Log, scene: Scene, film: Sequence[Shot], step_s: float) -> Itera
         every = max(1, round(shot.speed * FRAME_MS / 1000 / step_s))
         for step in range(shot.start, shot.end, every):
             scene.show(step)
-            text = f"{shot.caption}   {log.time(step):4.1f} s   x{shot.speed:.0f}"
+            text = f"{shot.caption}   {log.time_ns(step) * 1e-9:4.1f} s   x{shot.speed:.0f}"
             yield captioned(draw(scene, shot.look), text)
 
 
@@ -124,7 +124,7 @@ def main() -> int:
     log = Log(args.recording)
     with tempfile.TemporaryDirectory() as folder:
         scene = Scene(log, Path(folder))
-        film = list(frames(log, scene, shots(log, log.moments()), log.time(1)))
+        film = list(frames(log, scene, shots(log, log.moments()), log.time_ns(1) * 1e-9))
     write(args.out, film)
     sys.stdout.write(f"{args.out}  {len(film)} frames, {args.out.stat().st_size // 1024} kB\n")
     return 0

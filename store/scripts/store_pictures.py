@@ -11,7 +11,7 @@ import argparse
 import math
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -73,48 +73,35 @@ class Moments(NamedTuple):
     placed: int
 
 
-class Log:
-    """A recording, by topic and step."""
+class Log(Recording):
+    """A recording of the store, by step."""
 
-    def __init__(self, path: Path) -> None:
-        self.recording = Recording(path)
-        self._read: dict[str, list[tuple[int, Message]]] = {}
-
-    def all(self, topic: str) -> list[tuple[int, Message]]:
-        """Return (step, message) of a topic."""
-        if topic not in self._read:
-            self._read[topic] = list(self.recording.messages(topic))
-        return self._read[topic]
+    def time_ns(self, step: int) -> int:
+        """Return the simulation time of a step [ns]."""
+        last = self["plant/joint_state"].last
+        return step * (last.t_ns // last.step) if last else 0
 
     def at(self, topic: str, step: int, cls: type[M]) -> M:
         """Return the newest message of a topic at a step."""
-        return [m for s, m in self.all(topic) if s <= step and isinstance(m, cls)][-1]
-
-    def names(self, topic: str) -> Sequence[str]:
-        """Return the names in the description of a topic."""
-        return self.recording.ports[topic].description.names
-
-    def time(self, step: int) -> float:
-        """Return the simulation time of a step [s]."""
-        entries = self.recording["plant/joint_state"].entries()
-        return next(entry.t_ns for entry in entries if entry.step == step) * 1e-9
+        _, message = self[topic].latest(self.time_ns(step)) or (-1, None)
+        return msgspec.convert(message, cls)
 
     def poses(self, step: int) -> Mapping[str, tuple[Any, Any]]:
         """Return link → position [m] and quaternion in the world."""
         poses = self.at("plant/poses", step, Poses)
         rows = zip(poses.position, poses.orientation, strict=True)
-        return dict(zip(self.names("plant/poses"), rows, strict=True))
+        return dict(zip(self["plant/poses"].names, rows, strict=True))
 
     def moments(self) -> Moments:
         """Return the steps of the first sale; raises LookupError for a run without one."""
-        events = {s: m.text for s, m in self.all("mission/events") if isinstance(m, Event)}
+        events = {s: m.text for s, m in self.messages("mission/events") if isinstance(m, Event)}
         found, lifted, placed = (
             next((step for step, text in events.items() if word in text), -1)
             for word in (": found", ": lifted", ": placed")
         )
         if placed < 0:
             raise LookupError("nothing was sold in this run")
-        gripper = [(s, m) for s, m in self.all("plant/gripper") if isinstance(m, GripperState)]
+        gripper = [(s, m) for s, m in self.messages("plant/gripper") if isinstance(m, GripperState)]
         grasp = next(step for step, state in gripper if state.holding)
         let_go = [s for s, state in gripper if lifted < s < placed and state.holding][-1]
         return Moments(0, found, grasp, (lifted + placed) // 2, let_go)
@@ -125,7 +112,7 @@ class Scene:
 
     def __init__(self, log: Log, folder: Path) -> None:
         self._log = log
-        for name, data in log.recording.attachments.items():
+        for name, data in log.attachments.items():
             path = folder / name.removeprefix("files/")
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)
@@ -140,16 +127,16 @@ class Scene:
     def show(self, step: int) -> None:
         """Put everything where it was at a step."""
         log, poses = self._log, self._log.poses(step)
-        details = log.recording.ports["plant/poses"].description.details
+        details = log["plant/poses"].description.details
         first = dict(
-            zip(reversed(details["body"]), reversed(log.names("plant/poses")), strict=True)
+            zip(reversed(details["body"]), reversed(log["plant/poses"].names), strict=True)
         )
         for number, body in enumerate(self._physics.bodies):
             self._physics.engine.put(number, poses[first[body]])
         angles = log.at("plant/joint_state", step, JointState).position or []
-        places = dict(zip(log.names("plant/joint_state"), angles, strict=True))
+        places = dict(zip(log["plant/joint_state"].names, angles, strict=True))
         width = log.at("plant/gripper", step, GripperState).width
-        places |= dict.fromkeys(log.names("plant/gripper"), width / 2)
+        places |= dict.fromkeys(log["plant/gripper"].names, width / 2)
         for name, joint in self._physics.joints.items():
             self._physics.teleport(joint, places.get(name, 0.0), 0.0)
 
@@ -219,7 +206,7 @@ def camera_view(log: Log, step: int) -> Picture:
     image = log.at("plant/rgb", step, Image)
     shown = np.frombuffer(image.data, dtype=np.uint8).reshape(image.height, image.width, 3)
     large = cv2.resize(shown, None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC)
-    taken = [s for s, _ in log.all("plant/rgb") if s <= step][-1]
+    taken, _ = log["plant/rgb"].latest(log.time_ns(step)) or (step, None)
     poses = log.poses(taken)
     detections = log.at("perception/detections", step, Detections)
     to_camera = np.linalg.inv(_matrix(poses["camera"])) @ _matrix(poses[detections.frame])
@@ -236,7 +223,7 @@ def camera_view(log: Log, step: int) -> Picture:
 
 def _sizes(log: Log) -> Mapping[str, Matrix]:
     """Return half the size of each type of item, shape (3,) [m]."""
-    details = log.recording.ports["plant/poses"].description.details
+    details = log["plant/poses"].description.details
     rows = zip(details["type"], details["shape"], strict=True)
     boxes = {item_type: _box(shape) for item_type, shape in rows if item_type}
     return {item_type: (upper - lower) / 2 for item_type, (lower, upper) in boxes.items()}
@@ -334,7 +321,7 @@ def _sale(log: Log, scene: Scene, when: Moments) -> Iterator[Picture]:
         scene.show(step)
         x, y, _ = log.poses(step)["chassis"][0]
         picture = scene.draw(look._replace(target=(x + 0.25, y + 0.1, 0.45)), 660, 660)
-        yield _titled(picture, f"{word}, {log.time(step):.1f} s")
+        yield _titled(picture, f"{word}, {log.time_ns(step) * 1e-9:.1f} s")
 
 
 def main() -> int:

@@ -16,7 +16,7 @@ from sybil.parsers.markdown import CodeBlockParser, SkipParser
 from sybil.parsers.rest import DocTestParser
 
 import stepbus
-from stepbus_orchestrator.cli.app import parsed
+from stepbus_orchestrator.cli.dispatch import parsed
 from stepbus_orchestrator.errors import ExitCode
 
 PAGES = [

@@ -5,19 +5,9 @@ import re
 import pytest
 from support.paths import CHECKOUT
 
-PAGES = sorted(
-    path
-    for pattern in (
-        "*.md",
-        "docs/**/*.md",
-        "scenarios/*/*/*.md",
-        "store/**/*.md",
-        "examples/**/*.md",
-        "benchmarks/*.md",
-    )
-    for path in CHECKOUT.glob(pattern)
-    if "target" not in path.parts
-)
+FOLDERS = ("docs", "scenarios", "store", "examples")
+GLOBS = ("*.md", "benchmarks/*.md", *(f"{folder}/**/*.md" for folder in FOLDERS))
+PAGES = sorted(p for glob in GLOBS for p in CHECKOUT.glob(glob) if "target" not in p.parts)
 ROOTS = (
     "api", "benchmarks", "clients", "docs", "examples", "orchestrator", "participant", "scenarios",
     "schemas", "scripts", "services", "simulation", "tests", "tools", ".ci",

@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 import threading
 import time
 from random import Random
@@ -87,6 +88,19 @@ def test_a_failing_tape_is_shrunk_to_what_matters():
     tape = Tape("held", 120, Knobs(window=2, link_us=1), faults)
     small = shrink(tape, lambda tape: any(fault.kind == "raise" for fault in tape.faults))
     assert small == Tape("loop", 10, Knobs(), (Fault("raise", "plant", 0),))
+
+
+@pytest.mark.parametrize(
+    ("kind", "target", "sentence"),
+    [
+        ("compute", "plant", "plant .* has been computing for"),
+        ("compute", "controller", "controller .* has been computing for"),
+        ("no_triggers", "controller", "controller .* waiting for the trigger .*, which was sent"),
+    ],
+)
+def test_a_report_of_a_wait_that_crosses_its_end_explains_nothing(kind, target, sentence):
+    fault, knobs = Fault(kind, target, 7, 20_000_000_000), Knobs(window=1, link_us=15_000)
+    assert re.search(sentence, execute(Tape(knobs=knobs, faults=(fault,)))[0].result.reason)
 
 
 # --- mends taken out ------------------------------------------------------------------------

@@ -135,7 +135,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
     ) -> tuple[Vector, dict[str, Any]]:
         """Start an episode; return its first observation, and its step and recording.
 
-        seed: of the scenario, and of those drawn for the episodes behind it. Without, the first
+        seed: of the scenario, and of those drawn for the episodes after it. Without, the first
         episode has that of the scenario. options: `set`, settings for this episode.
         """
         self._end("reset")

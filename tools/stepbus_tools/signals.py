@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,17 +102,28 @@ def read_signal(port: Port, source: Port | Batch, quantities: Sequence[str]) -> 
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tracking:
-    """What the classic plots of joint control need, or a piece of it.
+class _OfJoints(Protocol):
+    """A port of joints: `Signal`, or its curves."""
 
-    states, references: by topic, of every port that has joints the ports before it lack: those of
-    several plants and missions, one for each robot. commands: all ports of commands.
+    @property
+    def names(self) -> Sequence[str]: ...
+    @property
+    def joint_types(self) -> Mapping[str, str]: ...
+
+
+_P = TypeVar("_P", bound=_OfJoints)
+
+
+class JointPorts(Generic[_P]):
+    """The ports that the classic plots of joint control need, by topic.
+
+    states, references: every port that has joints the ports before it lack: those of several plants
+    and missions, one for each robot. commands: all ports of commands.
     """
 
-    states: Mapping[str, Signal] = field(default_factory=dict)
-    references: Mapping[str, Signal] = field(default_factory=dict)
-    commands: Mapping[str, Signal] = field(default_factory=dict)
+    states: Mapping[str, _P]
+    references: Mapping[str, _P]
+    commands: Mapping[str, _P]
 
     @property
     def measured(self) -> list[str]:
@@ -124,19 +136,28 @@ class Tracking:
         wanted = {name for reference in self.references.values() for name in reference.names}
         return [name for name in self.measured if name in wanted]
 
-    def state_of(self, joint: str) -> Signal | None:
+    def state_of(self, joint: str) -> _P | None:
         """Return the state that measures a joint."""
-        return _with(joint, self.states)
+        return next((state for state in self.states.values() if joint in state.names), None)
 
-    def reference_of(self, joint: str) -> Signal | None:
+    def reference_of(self, joint: str) -> _P | None:
         """Return the reference of a joint."""
-        return _with(joint, self.references)
+        return next((wanted for wanted in self.references.values() if joint in wanted.names), None)
 
     def unit(self, joint: str) -> str:
-        """Return the unit of a joint's position: m of a prismatic one, else rad."""
+        """Return the unit of a joint's position: m for a prismatic joint, else rad."""
         state = self.state_of(joint)
         is_prismatic = state is not None and state.joint_types.get(joint) == "prismatic"
         return "m" if is_prismatic else "rad"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracking(JointPorts[Signal]):
+    """The signals of joints and their tracking errors, or a piece of them."""
+
+    states: Mapping[str, Signal] = field(default_factory=dict)
+    references: Mapping[str, Signal] = field(default_factory=dict)
+    commands: Mapping[str, Signal] = field(default_factory=dict)
 
     def error(self, joint: str) -> Array:
         """Return reference minus measured position, shape (m,), at the steps of the state."""
@@ -145,10 +166,6 @@ class Tracking:
         if state is None or reference is None or measured is None:
             return np.full(0 if state is None else len(state.steps), np.nan)
         return reference.held_at(state.steps, "position", joint) - measured
-
-
-def _with(joint: str, signals: Mapping[str, Signal]) -> Signal | None:
-    return next((signal for signal in signals.values() if joint in signal.names), None)
 
 
 def read_tracking(recording: Recording) -> Tracking:

@@ -123,6 +123,10 @@ impl Session {
                 return Ok(false);
             }
             if is_there(self) {
+                if reported {
+                    // The report may have crossed what was waited for (P9.3.3).
+                    self.send_log(None)?;
+                }
                 return Ok(true);
             }
             let left = report_at.saturating_duration_since(Instant::now());

@@ -84,7 +84,7 @@ def diff(
     tolerance.check(known)
     # Their chains sum up what the messages say, and differ wherever they do.
     topics = [topic for topic in one.ports if topic in other.ports and topic != CHAIN_TOPIC]
-    # The last step may be incomplete, and nothing is known behind a hole.
+    # The last step may be incomplete, and nothing is known after a hole.
     reach = (-1 if one.holes() else one.last_step) if is_part else None
     ports = in_order([_compare(topic, one, other, tolerance, reach) for topic in topics])
     only_first, only_second = _missing(one, other), _missing(other, one)

@@ -11,15 +11,7 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import NoReturn
 
-from cyclopts import (
-    App,
-    Argument,
-    CycloptsError,
-    MissingArgumentError,
-    Parameter,
-    UnknownOptionError,
-    UnusedCliTokensError,
-)
+from cyclopts import App, Argument, Parameter
 
 from stepbus_orchestrator.plugins import COMMANDS, CommandBroken, named_points
 
@@ -54,7 +46,7 @@ def answer(words: Sequence[str]) -> NoReturn:
     if first == "--version":
         sys.stdout.write(f"stepbus {import_module('importlib.metadata').version('stepbus')}\n")
     elif first == _COMPLETE:
-        _app(*load_commands())([*words], result_action="return_value")
+        app_of(*load_commands())([*words], result_action="return_value")
     elif first in {"", "-h", "--help"}:
         (sys.stdout if first else sys.stderr).write(overview())
     elif first.startswith("-"):
@@ -110,7 +102,8 @@ def load_commands() -> Iterator[type[Command]]:
             print_error(str(exc))
 
 
-def _app(*loaded: type[Command]) -> App:
+def app_of(*loaded: type[Command]) -> App:
+    """Return the reader of cyclopts for commands."""
     app = App(
         name="stepbus",
         default_parameter=Parameter(negative=(), allow_repeating=True),
@@ -120,34 +113,6 @@ def _app(*loaded: type[Command]) -> App:
     for command in loaded:
         app.command(command.complete(), name=command.__name__.lower())
     return app
-
-
-def parsed(name: str, *words: str) -> Command:
-    """Return the command that is typed, with its options; say what is wrong with them, and exit."""
-    app = _app(load_command(name))
-    try:
-        make, given, _ = app.parse_args([name, *words], print_error=False, exit_on_error=False)
-    except CycloptsError as exc:
-        refuse(_sentence(exc), f"stepbus {name}")
-    command: Command = make(*given.args, **given.kwargs)
-    return command
-
-
-def _sentence(error: CycloptsError) -> str:
-    error.verbose = False
-    if isinstance(error, MissingArgumentError) and error.argument and not error.keyword:
-        return f"{_label(error.argument)} is missing"
-    if isinstance(error, UnusedCliTokensError):
-        return f"too many arguments: {' '.join(error.unused_tokens or ())}"
-    text = str(error)
-    if isinstance(error, UnknownOptionError):
-        # Many look for an option where the scenario has a value.
-        model = import_module("stepbus_orchestrator.scenario.model")
-        word = error.token.keyword or ""
-        near = difflib.get_close_matches(word[2:], model.ScenarioFile.__struct_encode_fields__, 1)
-        if near and "Did you mean" not in text:
-            return f"{text} Did you mean '--set {near[0]}=VALUE'?"
-    return text
 
 
 # --- help --------------------------------------------------------------------------------------
@@ -183,16 +148,16 @@ def help_page(command: type[Command]) -> str:
     name = command.__name__.lower()
     arguments = [
         argument
-        for argument in _app(command)[name].assemble_argument_collection(parse_docstring=True)
+        for argument in app_of(command)[name].assemble_argument_collection(parse_docstring=True)
         # The fields of a group stand for it.
         if not argument.children
     ]
     positional = [argument for argument in arguments if argument.index is not None]
     options = [argument for argument in arguments if argument.index is None]
     description = _EXAMPLE.sub("", inspect.getdoc(command) or "").partition("\n\n")[2]
-    usage = [_label(option) for option in options if option.required]
+    usage = [label(option) for option in options if option.required]
     usage += ["[OPTIONS]"] if len(usage) < len(options) else []
-    usage += [_label(a) if a.required else f"[{_label(a)}]" for a in positional]
+    usage += [label(a) if a.required else f"[{label(a)}]" for a in positional]
     blocks = {
         "arguments": [*map(_row, positional)],
         "options": [*map(_row, options), _columns("-h, --help", "show this help and exit")],
@@ -203,7 +168,7 @@ def help_page(command: type[Command]) -> str:
     return fold("\n\n".join(filter(None, parts)), columns()) + "\n"
 
 
-def _label(argument: Argument) -> str:
+def label(argument: Argument) -> str:
     """Return how an argument is written."""
     name, choices = argument.name.lstrip("-").upper(), argument.get_choices()
     value = argument.parameter.metavar or (f"{{{','.join(choices)}}}" if choices else name)
@@ -217,7 +182,7 @@ def _row(argument: Argument) -> str:
     is_shown = isinstance(default, int | float | str) and not isinstance(default, bool)
     if is_shown and default != "" and "default:" not in text:
         text += f" (default: {default})"
-    return _columns(_label(argument), text)
+    return _columns(label(argument), text)
 
 
 def _columns(label: str, text: str) -> str:
@@ -239,6 +204,6 @@ def help_command(given: commands.Help) -> int:
 
 def completion_command(given: commands.Completion) -> int:
     """Print the completion script of a shell."""
-    app = _app(*load_commands())
+    app = app_of(*load_commands())
     sys.stdout.write(app.generate_completion(shell=given.shell) + "\n")
     return 0

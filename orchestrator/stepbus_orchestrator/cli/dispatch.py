@@ -1,15 +1,24 @@
-"""Executes the command that is typed, and says why it cannot be."""
+"""Reads the command that is typed, executes it, and says why it cannot be."""
 
-import contextlib
+import difflib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from cyclopts import (
+    CycloptsError,
+    MissingArgumentError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
+
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import CommandBroken
-from stepbus_orchestrator.processes.warm import warm_parent
+from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_participant import extra_hint
 from stepbus_schemas import StepbusError
 
+from .app import app_of, label, load_command, refuse
+from .options import Command
 from .terminal.output import Answer, print_error
 from .terminal.stdout_buffer import hurry
 
@@ -18,10 +27,7 @@ def execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None)
     """Run one command and return its exit code. loaded: is called when it is loaded."""
     try:
         " ".join((*arguments, str(Path.cwd()))).encode()
-        # From the start on: it loads on a core of its own what participants need.
-        is_forking = arguments[0] == "run" and "--in-process" not in arguments
-        with warm_parent() if is_forking else contextlib.nullcontext():
-            return _executed(arguments, loaded)
+        return _executed(arguments, loaded)
     except RunFailure as exc:
         print_error(str(exc))
         return exc.code
@@ -39,9 +45,6 @@ def execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None)
 
 
 def _executed(arguments: Sequence[str], loaded: Callable[[], None]) -> int:
-    # cyclopts takes a while to load, in which the warm parent loads too.
-    from .app import parsed  # noqa: PLC0415
-
     command = parsed(*arguments)
     try:
         work = command.load()
@@ -55,3 +58,30 @@ def _executed(arguments: Sequence[str], loaded: Callable[[], None]) -> int:
     answer = work(command)
     is_json: bool = getattr(command, "json", False)
     return answer.show(as_json=is_json) if isinstance(answer, Answer) else int(answer)
+
+
+def parsed(name: str, *words: str) -> Command:
+    """Return the command that is typed, with its options; say what is wrong with them, and exit."""
+    app = app_of(load_command(name))
+    try:
+        make, given, _ = app.parse_args([name, *words], print_error=False, exit_on_error=False)
+    except CycloptsError as exc:
+        refuse(_sentence(exc), f"stepbus {name}")
+    command: Command = make(*given.args, **given.kwargs)
+    return command
+
+
+def _sentence(error: CycloptsError) -> str:
+    error.verbose = False
+    if isinstance(error, MissingArgumentError) and error.argument and not error.keyword:
+        return f"{label(error.argument)} is missing"
+    if isinstance(error, UnusedCliTokensError):
+        return f"too many arguments: {' '.join(error.unused_tokens or ())}"
+    text = str(error)
+    if isinstance(error, UnknownOptionError):
+        # Many look for an option where the scenario has a value.
+        word = error.token.keyword or ""
+        near = difflib.get_close_matches(word[2:], ScenarioFile.__struct_encode_fields__, 1)
+        if near and "Did you mean" not in text:
+            return f"{text} Did you mean '--set {near[0]}=VALUE'?"
+    return text

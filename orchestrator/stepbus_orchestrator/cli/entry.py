@@ -3,6 +3,7 @@
 It loads little but the standard library by itself: the rest takes a second or more.
 """
 
+import contextlib
 import gc
 import os
 import signal
@@ -56,9 +57,14 @@ def _execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None
             from .app import answer  # noqa: PLC0415  (see the top)
 
             answer(arguments)
-        from .dispatch import execute  # noqa: PLC0415  (loads everything)
+        from stepbus_orchestrator.processes.warm import warm_parent  # noqa: PLC0415  (see the top)
 
-        return execute(arguments, loaded)
+        # From here on, it loads on a core of its own what participants need.
+        is_forking = arguments[0] == "run" and _IN_PROCESS not in arguments
+        with warm_parent() if is_forking else contextlib.nullcontext():
+            from .dispatch import execute  # noqa: PLC0415  (loads everything)
+
+            return execute(arguments, loaded)
     except (ImportError, MemoryError) as exc:
         if isinstance(exc, MemoryError) or ".so" in str(exc):
             reason = str(exc) or "out of memory"

@@ -10,6 +10,7 @@ import msgspec
 from stepbus_orchestrator.cli import commands
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.recording import Recording, Recovery, layout, recover
+from stepbus_orchestrator.recording.recover import planned_steps
 from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.run.result import RESULT_FILE, result_beside
 from stepbus_orchestrator.scenario.ports import RECORD_ALL
@@ -76,8 +77,9 @@ def _info(recording: Recording) -> Info:
     # It reads all messages, and with them any damage.
     holes = recording.holes()
     scenario, result = recording.scenario, result_beside(recording)
-    step_ns = _duration_ns(scenario.get("step"))
-    planned_ns = _duration_ns(scenario.get("duration"))
+    step_ns = None
+    with contextlib.suppress(StepbusError):
+        step_ns = parse_duration(str(scenario.get("step")))
     beside = recording.path.parent
     missing = recording.incomplete
     is_run = recording.path.name == layout.RUN_FILE and (beside / layout.TIMING_FILE).exists()
@@ -91,7 +93,7 @@ def _info(recording: Recording) -> Info:
         outcome=result.outcome if result else "",
         reason=result.reason if result else "",
         steps=steps,
-        planned_steps=planned_ns // step_ns if step_ns and planned_ns else None,
+        planned_steps=planned_steps(scenario),
         step_ns=step_ns,
         wall_s=result.wall_s if result else None,
         cut_short=recording.cut_short,
@@ -108,12 +110,6 @@ def _info(recording: Recording) -> Info:
         messages_sha256=recording.messages_sha256,
         duration_s=steps * step_ns * 1e-9 if step_ns else None,
     )
-
-
-def _duration_ns(text: object) -> int | None:
-    with contextlib.suppress(StepbusError):
-        return parse_duration(str(text))
-    return None
 
 
 def _programs(scenario: Mapping[str, Any]) -> dict[str, str]:

@@ -1,7 +1,8 @@
 """`stepbus run`: run a scenario, show its progress and its result."""
 
+import dataclasses
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from stepbus_orchestrator.cli.commands import Run
@@ -11,10 +12,9 @@ from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_orchestrator.plugins import AFTER_RUN, points
-from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions import load_extension
-from stepbus_orchestrator.run.extensions.debug import Debug, without_deadlines
+from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.external import External, external_names
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.profile import Profile
@@ -24,7 +24,6 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_orchestrator.scenario.program import check_installed
 from stepbus_participant import parse_duration, whole_steps
 from stepbus_schemas import StepbusError, WiringError
 
@@ -43,16 +42,13 @@ def run_command(given: Run) -> int:
             "--pause-at needs --view or an interactive terminal to resume the run; it "
             "cannot be combined with --json or --debug"
         )
-    # Before there is a folder.
-    check_installed(loaded)
-    check_limits(len(loaded.participants))
     # Beside JSON, the lines have no reader, and they take as long as the recording of the run.
     is_read = not (given.json and given.no_report)
     for point in points(AFTER_RUN) if is_read else ():
         point.load()
     pace = Pace(_step(given.pause_at, loaded.step_ns))
     options = Options(
-        out=given.out or default_folder(loaded, Path("runs")),
+        out=given.out,
         host=host_of(in_process=given.in_process, owns_descriptors=not given.debug),
         extensions=[pace, *_extensions(given, loaded.step_ns)],
     )
@@ -64,25 +60,38 @@ def run_command(given: Run) -> int:
         invites=bool(external_names(loaded)),
         keys=has_keys,
     )
-    with interruptible(ends=True) as interrupt:
+    with interruptible(ends=True) as interrupt, ExitStack() as stack:
+        if given.view:
+            out = given.out or stack.enter_context(_made_before(loaded))
+            options = dataclasses.replace(options, out=out)
+            opens = not given.no_open
+            view = viewed(out, opens=opens, stays=has_keys, interrupt=interrupt)
+            stack.enter_context(view)
         # A participant in a debugger reads the keys itself.
         keys = nullcontext() if is_quiet else controlled(pace, interrupt)
-        opens = not given.no_open
-        view = viewed(options.out, opens=opens, stays=has_keys, interrupt=interrupt)
-        with view if given.view else nullcontext():
-            with display as shown, keys:
-                result = run(loaded, options, shown, interrupt)
-            has_plots = not given.no_report
-            lines = (
-                after_run(result, has_plots=has_plots, is_interrupted=interrupt.is_set())
-                if is_read
-                else []
-            )
-            error = result.reason if result.exit_code else ""
-            Answer(value=result, lines=_summary(result, lines), error=error).show(
-                as_json=given.json
-            )
+        with display as shown, keys:
+            result = run(loaded, options, shown, interrupt)
+        has_plots = not given.no_report
+        lines = (
+            after_run(result, has_plots=has_plots, is_interrupted=interrupt.is_set())
+            if is_read
+            else []
+        )
+        error = result.reason if result.exit_code else ""
+        Answer(value=result, lines=_summary(result, lines), error=error).show(as_json=given.json)
     return result.exit_code
+
+
+@contextmanager
+def _made_before(scenario: Scenario) -> Iterator[Path]:
+    """Make the default folder of a run, whose view needs the path; remove it if it stays empty."""
+    folder = default_folder(scenario, Path("runs"))
+    try:
+        yield folder
+    finally:
+        with suppress(OSError):
+            folder.rmdir()
+            folder.parent.rmdir()
 
 
 def _load(given: Run) -> Scenario:
@@ -99,7 +108,7 @@ def _load(given: Run) -> Scenario:
         if not names:
             raise WiringError("--join-timeout is for participants with `start: external`")
         scenario = scenario.changed(names, spawn_timeout_ns=parse_duration(given.join_timeout))
-    return without_deadlines(scenario, [*given.debug, *given.no_deadline])
+    return scenario
 
 
 def _step(text: str, step_ns: int) -> int | None:

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Iterable, Mapping
 
+from stepbus_orchestrator.processes import reaper
 from stepbus_orchestrator.processes.activity import children
 from stepbus_orchestrator.run.inprocess import heartbeat
 from stepbus_orchestrator.run.inprocess.heartbeat import (
@@ -34,9 +35,6 @@ _VARIABLE = "STEPBUS_TURNS"
 _PR_SET_PDEATHSIG = 1
 _PR_SET_DUMPABLE = 4
 _PR_SET_CHILD_SUBREAPER = 36
-_ORPHANS_S = 2.0
-"""How long killed processes may take to go; one in the middle of a disk access takes long [s]."""
-_PAUSE_S = 0.005
 _FROM_KERNEL = 0x80
 """Code of a signal that the terminal has sent to all its processes, the child included."""
 
@@ -92,7 +90,7 @@ def supervise(environment: Mapping[str, str]) -> int:
     watcher = Watcher(memory, pid, is_owner=True)
     is_killed = watcher.await_end(meanwhile=lambda: _pass_on(signals, memory, pid))
     code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])  # no time-out: it has ended
-    _end_orphans()
+    reaper.end(_left)
     # From here on, Ctrl-C ends it at once.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
     return _concluded(memory, pid, code, watcher if is_killed else None)
@@ -108,19 +106,12 @@ def _pass_on(signals: Iterable[int], memory: Heartbeat, pid: int) -> None:
         os.kill(pid, info.si_signo)
 
 
-def _end_orphans() -> None:
-    """Kill what is left in our session; a process that has made its own means to stay."""
-    give_up = time.monotonic() + _ORPHANS_S
-    while time.monotonic() < give_up:
-        with contextlib.suppress(ChildProcessError):
-            while os.waitpid(-1, os.WNOHANG)[0]:
-                pass
-        pids = [pid for pid in children(os.getpid()) if os.getsid(pid) == os.getsid(0)]
-        if not pids:
-            return
-        for pid in pids:
-            os.kill(pid, signal.SIGKILL)
-        time.sleep(_PAUSE_S)
+def _left() -> dict[int, str]:
+    """Return the orphans of our session; a process that has made its own means to stay."""
+    with contextlib.suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+    return {pid: "" for pid in children(os.getpid()) if os.getsid(pid) == os.getsid(0)}
 
 
 def _concluded(memory: Heartbeat, pid: int, code: int, killer: Watcher | None) -> int:

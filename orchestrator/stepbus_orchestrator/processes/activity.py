@@ -9,7 +9,7 @@ _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 _BUSY = 0.3
 """Share of a time in which a process that computes has had a processor; others want it too."""
 _STATE, _PARENT, _GROUP, _USER_TICKS, _SYSTEM_TICKS = 0, 1, 2, 11, 12
-"""Fields behind the name of the program, see proc(5)."""
+"""Fields after the name of the program, see proc(5)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ def children(pid: int) -> set[int]:
 
 
 def _rows(pids: str = "[0-9]*") -> Iterator[tuple[int, list[str]]]:
-    """Yield each process, with its fields behind the name; pids: as a pattern."""
+    """Yield each process, with its fields after the name; pids: as a pattern."""
     for path in Path("/proc").glob(f"{pids}/stat"):
         try:
             yield int(path.parent.name), path.read_bytes().rpartition(b")")[2].decode().split()

@@ -19,7 +19,8 @@ import msgspec
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.activity import NOTHING, Activity, activity_of
 from stepbus_orchestrator.processes.child import Child, Process
-from stepbus_participant import TICKET_VARIABLE, Ticket, open_regular
+from stepbus_orchestrator.processes.reaper import ticket_of
+from stepbus_participant import Ticket, open_regular
 from stepbus_schemas import UNDECODABLE, BridgeFormat, WiringError, explained
 
 _POLL_S = 0.1
@@ -123,11 +124,8 @@ class Attached(Process):
 
     def joined(self, pid: int) -> None:
         """Take the process id that it gives itself, if that is a process with our ticket."""
-        prefix = f"{TICKET_VARIABLE}="
         with contextlib.suppress(OSError):
-            variables = os.fsdecode(Path(f"/proc/{pid}/environ").read_bytes()).split("\0")
-            own = [v.removeprefix(prefix) for v in variables if v.startswith(prefix)]
-            if own and self.ticket.samefile(own[0]):
+            if self.ticket.samefile(ticket_of(pid)):
                 self.pid = pid
 
     def left(self) -> None:

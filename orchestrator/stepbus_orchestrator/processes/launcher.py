@@ -21,8 +21,6 @@ from stepbus_schemas import SPOKEN
 
 _END_S = 10.0
 """How long the reaper may take to remove the private folder; it may have been stopped [s]."""
-_KILLED_S = 5.0
-"""How long its killed process may take to be gone [s]."""
 
 
 class Launcher:
@@ -144,13 +142,11 @@ class Launcher:
         for child in self.children.values():
             child.end()
             self._tell_reaper(f"-{child.pid}")
-        said = ""
-        for limit_s in (_END_S, _KILLED_S):
-            try:
-                said, _ = self._reaper.communicate(timeout=limit_s)
-                break
-            except subprocess.TimeoutExpired:
-                self._reaper.kill()
+        try:
+            said, _ = self._reaper.communicate(timeout=_END_S)
+        except subprocess.TimeoutExpired:
+            self._reaper.kill()
+            said, _ = self._reaper.communicate()  # no time-out: it was killed
         # It may have been killed, or stopped, by another process.
         for path in (self.folder, *self._others):
             reaper.remove(str(path))

@@ -10,6 +10,8 @@ environment: it has the participant's ticket. Nothing else of it leads back to t
 is now that of the whole machine. To become that parent (PR_SET_CHILD_SUBREAPER) does not help: the
 orchestrator may be killed, may be a program of the user's with orphans of its own, and a control
 group takes rights that users do not have.
+
+The supervisor of a command that hosts participants ends its orphans with `end`.
 """
 
 import os
@@ -19,8 +21,9 @@ import time
 from collections.abc import Callable
 
 _TICKET = "STEPBUS_TICKET"
-_PATIENCE_S = 1.0
-"""How long what starts others all the time may be killed again and again [s]."""
+_PATIENCE_S = 2.0
+"""How long what starts others all the time may be killed again and again, and how long one in the
+middle of a disk access may take to go [s]."""
 _LONGEST = 100
 
 
@@ -37,11 +40,11 @@ def watch(folder: str) -> None:
             (groups.add if line[0] == "+" else groups.discard)(int(line[1:]))
     for group in groups:
         _try(os.killpg, group, signal.SIGKILL)
-    left = _end_left(folder)
+    left = end(lambda: _left(folder))
     for path in paths:
         remove(path)
     # No process reads it where the orchestrator was killed.
-    _try(os.write, sys.stdout.fileno(), "".join(f"{line}\n" for line in left).encode())
+    _try(os.write, sys.stdout.fileno(), "\n".join(left).encode(errors="replace"))
 
 
 def _try(call: Callable[..., object], *arguments: object) -> bool:
@@ -64,11 +67,14 @@ def remove(path: str) -> None:
         _try(os.rmdir, one) or _try(os.unlink, one)
 
 
-def _end_left(folder: str) -> list[str]:
-    """Kill what participants have left behind; return for each its participant and what it is."""
+def end(find: Callable[[], dict[int, str]]) -> list[str]:
+    """Kill processes until none is found; return the name, process id and command of each.
+
+    find: returns the processes that are left, by process id, each with its name in the result.
+    """
     ended: dict[int, str] = {}
     give_up = time.monotonic() + _PATIENCE_S
-    while (left := _left(folder)) and time.monotonic() < give_up:
+    while (left := find()) and time.monotonic() < give_up:
         for pid, name in left.items():
             words = _content(f"/proc/{pid}/cmdline").decode(errors="replace").split("\0")
             command = " ".join(" ".join(words).split())[:_LONGEST]
@@ -79,13 +85,19 @@ def _end_left(folder: str) -> list[str]:
 
 def _left(folder: str) -> dict[int, str]:
     """Return the processes with a ticket of this folder, and the participant of each."""
-    mark = f"{_TICKET}={folder}/".encode()
     return {
-        int(pid): variable[len(mark) :].decode(errors="replace").removesuffix(".ticket")
+        int(pid): name.removesuffix(".ticket")
         for pid in filter(str.isdigit, os.listdir("/proc"))  # noqa: PTH208  (see below)
-        for variable in _content(f"/proc/{pid}/environ").split(b"\0")
-        if variable.startswith(mark)
+        for place, _, name in [ticket_of(int(pid)).rpartition("/")]
+        if place == folder
     }
+
+
+def ticket_of(pid: int) -> str:
+    """Return the path of the ticket that a process was started with; empty: none can be read."""
+    mark = f"{_TICKET}=".encode()
+    variables = _content(f"/proc/{pid}/environ").split(b"\0")
+    return os.fsdecode(next((v[len(mark) :] for v in variables if v.startswith(mark)), b""))
 
 
 def _content(path: str) -> bytes:

@@ -170,7 +170,7 @@ def _block(row: mcap.ChunkIndex, before: Sequence[Block]) -> Block:
 class Scanner:
     """One pass over a file that may be cut off or corrupt anywhere.
 
-    file: that it scans. index: what it holds, as far as it was scanned; what is wrong behind that
+    file: that it scans. index: what it holds, as far as it was scanned; what is wrong after that
     is its `damage`. That files of other programs end with a whole step is taken for granted. size:
     of the file [bytes]. intact_bytes: up to the end of the last complete record, for a chunk with
     all it contains. has_end: whether the end of the data was reached, so that at most the index is
@@ -205,7 +205,7 @@ class Scanner:
             self.index.damage = str(exc)
 
     def _take_next(self) -> int:
-        """Take the record behind the last intact one; return its opcode."""
+        """Take the record after the last intact one; return its opcode."""
         offset, index = self.intact_bytes, self.index
         if offset >= self.size:
             raise DamagedRecord(

@@ -69,7 +69,7 @@ class LockedFile:
         """Append all of `data`, or nothing of it; ahead: what the next `write` replaces."""
         end = self.position + len(data)
         over = self.position + self._ahead - end - len(ahead)
-        # A process that is killed here leaves no rubbish behind them, but one private record.
+        # A process that is killed here leaves no rubbish after them, but one private record.
         cover = HEAD.pack(_COVER, max(0, over - HEAD.size)) if over > 0 else b""
         try:
             write_parts_at(self._disk, self._file, (data, ahead, cover), self.position)

@@ -40,7 +40,7 @@ class _Chunk:
     """The chunk that is being filled, of whole steps; that of mcap takes four calls a message.
 
     records: what it holds, in order. indexes: channel → log time and offset of each of its
-    messages, one behind the other. is_big: whether it has a message of more than `_BIG_BYTES`.
+    messages, one after the other. is_big: whether it has a message of more than `_BIG_BYTES`.
     """
 
     def __init__(self) -> None:
@@ -109,7 +109,7 @@ class McapFile:
             offset, data = self._file.position, bytes_of(record)
             at, known = self._unfinished
             if at == offset and known:
-                # Behind it stands again what it replaces: a kill loses nothing.
+                # What it replaces follows it again: a kill loses nothing.
                 self._write(data, ahead=bytes(self._chunk.records[:known]) + _STEP_END)
                 self._unfinished = (self._file.position, known)
             else:
@@ -182,7 +182,7 @@ class McapFile:
         """Write all messages, so that the file has them even after a kill; it raises nothing.
 
         To be called between steps, whose end it marks. What is new in the open chunk is written
-        behind the file's end, record by record and not compressed; the whole chunk replaces it. So
+        after the file's end, record by record and not compressed; the whole chunk replaces it. So
         the bytes of the closed file stay the same.
         """
         if self._refusal is not None:
@@ -227,7 +227,7 @@ class McapFile:
             raise failure
 
     def _finish(self, incomplete: Mapping[str, str] | None) -> None:
-        """Write the last chunk, behind it a last record, and the index."""
+        """Write the last chunk, a last record and the index."""
         self._end_chunk()
         if incomplete is not None:
             self.add_metadata(layout.INCOMPLETE_METADATA, incomplete)

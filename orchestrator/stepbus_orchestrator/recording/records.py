@@ -30,9 +30,9 @@ CRC_BYTES = 4
 LATEST_NS = 2**63 - 1
 
 STEP_END = 0x81
-"""Record that stands behind messages outside of a chunk: they end with a whole step."""
+"""Record that follows messages outside of a chunk: they end with a whole step."""
 LOOSE = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
-"""What a chunk holds; in a file of ours that is not closed, it stands behind the last chunk too."""
+"""What a chunk holds; in a file of ours that is not closed, it follows the last chunk too."""
 _WITHOUT_MESSAGES = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, STEP_END))
 _FIRST_PRIVATE_OPCODE = 0x80
 _KNOWN = frozenset(map(int, Opcode))

@@ -92,7 +92,7 @@ def recover(source: Path, target: Path, *, in_place: bool = False, disk: Disk = 
         attachments=len(index.attachments),
         metadata=len(index.metadata),
         last_step=last_step,
-        planned_steps=_planned_steps(index.scenario),
+        planned_steps=planned_steps(index.scenario),
         kept_bytes=scanner.intact_bytes,
         lost_bytes=scanner.size - scanner.intact_bytes,
         only_index_lost=scanner.has_end and opened.cut_step is None,
@@ -136,7 +136,7 @@ def _copy(source: Source, file: McapFile) -> tuple[int, int, Sequence[str]]:
     return count, last_step, holes.found
 
 
-def _planned_steps(scenario: Mapping[str, Any]) -> int | None:
+def planned_steps(scenario: Mapping[str, Any]) -> int | None:
     """Return how many steps a resolved scenario asks for; None where it does not say."""
     with contextlib.suppress(StepbusError, KeyError, TypeError, AttributeError):
         return parse_duration(scenario["duration"]) // parse_duration(scenario["step"])

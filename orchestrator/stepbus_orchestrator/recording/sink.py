@@ -20,7 +20,7 @@ Descriptions = Mapping[str, Mapping[str, Description]]
 class Published(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """What one participant published at one step: (port, bytes) in the order of the scenario.
 
-    fault: of the port behind the last one, whose bulk content has another length than announced.
+    fault: of the port after the last one, whose bulk content has another length than announced.
     """
 
     participant: str
@@ -130,7 +130,7 @@ class Sink:
         return Published(participant=name, step=step, content=content)
 
     def drop_behind(self, closing_step: int, closing: Collection[str]) -> None:
-        """Drop what does not belong to the run: all behind its closing step.
+        """Drop what does not belong to the run: all after its closing step.
 
         closing: those that publish at the closing step; of all others nothing is left to write.
         """
@@ -155,7 +155,7 @@ class Sink:
     def finish(self, closing_step: int, closing: Collection[str]) -> None:
         """Write what is left: up to `closing_step`, and at that the outputs of those named.
 
-        What a participant published behind the closing step is no part of the run and is dropped.
+        What a participant published after the closing step is no part of the run and is dropped.
         """
         self.write_below(closing_step)
         self.drop_behind(closing_step, closing)

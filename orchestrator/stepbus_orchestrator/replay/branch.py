@@ -88,7 +88,7 @@ class BranchPlan:
         called = [call.step for call in self._calls if call.participant == spec.name]
         for state in saved.below(spec.name, self.at):
             fits = state.step % spec.every == 0
-            # A participant answers calls while it waits for its own next step, behind the state.
+            # A participant answers calls while it waits for its own next step, after the state.
             splits = any(state.step - spec.every < step < state.step for step in called)
             if fits and not splits:
                 return state

@@ -30,7 +30,7 @@ from stepbus_schemas import CallRecord, Description, due_step
 class Repetition(RunExtension):
     """Plays the recorded steps below a step, and compares the steps of the run with them.
 
-    at: the first step that is not recorded. starts_at: participants that start behind step 0, or at
+    at: the first step that is not recorded. starts_at: participants that start after step 0, or at
     `FAR` and thus never, each with its step: what is before is taken from the recording.
     counts_from: participants that are not those of the recording, each with the step from which its
     own outputs count; below, the recorded ones do.

@@ -44,7 +44,7 @@ class Inbox:
 
         def sink(item: Any) -> None:
             keep((take, item))
-            # Read behind the line above: `wake_for` looks for what was kept once it has set this.
+            # Read after the line above: `wake_for` looks for what was kept once it has set this.
             awaited = self._awaited
             awaited.discard(name)
             if not awaited:

@@ -61,6 +61,7 @@ class Episode(RunExtension):
         self.name = name
         self.step: Step | None = None
         self._make = make
+        self._out = out
         self._options = Options(
             out=out,
             host=InProcess(instead="an environment runs in one process"),
@@ -81,7 +82,7 @@ class Episode(RunExtension):
     @property
     def recording(self) -> Path:
         """Return the path of run.mcap."""
-        return self._options.out / layout.RUN_FILE
+        return self._out / layout.RUN_FILE
 
     # --- the caller's side ----------------------------------------------------------------
 
@@ -208,7 +209,7 @@ class Episode(RunExtension):
 
 
 class _CtrlC:
-    """Handles Ctrl-C as long as any episode is open: it comes behind the step.
+    """Handles Ctrl-C as long as any episode is open: it comes after the step.
 
     To set a handler at each step would take as long as a step. inside: is set by Ctrl-C in a step.
     """

@@ -76,7 +76,7 @@ class RunView(Protocol):
         """Return the newest message of an output, such as `plant.joint_state`; None before one."""
 
     def end(self, reason: str) -> None:
-        """End the run behind the steps that are released."""
+        """End the run after the steps that are released."""
 
     def progress(self) -> Progress:
         """Return how far the run is."""
@@ -190,7 +190,7 @@ class RunExtension:
     def survive(self, failure: RunFailure) -> Callable[[], str] | None:
         """Keep the run going until it comes to rest; None: the failure ends it at once.
 
-        Return a function that gives the end of the error message, called behind the last step.
+        Return a function that gives the end of the error message, called after the last step.
         """
         return None
 

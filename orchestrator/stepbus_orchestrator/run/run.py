@@ -30,7 +30,7 @@ from stepbus_schemas import Decoder, Message, Start, WiringError, encode, reache
 
 from .extension import Host, RunExtension, Strategy, overriding
 from .kernel.deadlines import check_bulk, check_closing, check_start, check_step
-from .kernel.failures import death, kept_thread, took_nothing
+from .kernel.failures import death
 from .kernel.messages import MessageHandler
 from .kernel.participants import ParticipantState, Phase
 
@@ -43,7 +43,7 @@ _LAST_REPORTS_S = 0.1
 _LATE_REPORTS_S = 1.0
 """The same on a busy machine, where one of them has not."""
 _LAST_S = 0.5
-"""How long the last messages of a process may come behind its end [s]."""
+"""How long the last messages of a process may come after its end [s]."""
 _OWN_WORK_S = 60.0
 """How long a program that has left a complete run may work on, to save a plot for example [s]."""
 _LEAVE_S = 1.0
@@ -58,9 +58,8 @@ class Run:
     """One run, as extensions see it in `RunView`; `take_place` goes through its phases.
 
     extensions: its features. is_attached: whether it has
-    been on the bus. killed: those that read nothing, and blocked all others. ended_at: when the
-    stop was sent, by the monotonic clock [s]. is_recorded: whether the recorder has been asked to
-    finish, so that it must not be asked to abort.
+    been on the bus. ended_at: when the stop was sent, by the monotonic clock [s]. is_recorded:
+    whether the recorder has been asked to finish, so that it must not be asked to abort.
     """
 
     def __init__(
@@ -100,7 +99,6 @@ class Run:
         self._completed = 0
         self._looked_at = 0
         self._ticks = 0
-        self.killed: list[str] = []
 
     def take_place(self, host: Host) -> str:
         """Go through all phases on a host, and return why the run ended.
@@ -221,13 +219,13 @@ class Run:
             self._repeats.look(self.state.barrier.holders(), "step")
 
     def _close(self) -> None:
-        """Ask for the closing outputs (P11.3), and finish the recording behind them."""
+        """Ask for the closing outputs (P11.3), and finish the recording after them."""
         state, end = self.state, self.state.last_step
         schedule = Schedule(state.scenario)
-        closing = [name for name in schedule.order if schedule.closing(name, end)]
+        state.closing = [name for name in schedule.order if schedule.closing(name, end)]
         self.stop(state.reason, at_step=end)
-        while any(state.barrier.reported[name] < end for name in closing):
-            self._turn(lambda elapsed_s: self._check_closing(closing, elapsed_s))
+        while state.holders():
+            self._turn(self._check_closing)
         began = self.clock.monotonic()
         while self.recorder.owing_bulk():
             self._turn(
@@ -236,13 +234,12 @@ class Run:
                 )
             )
         self.is_recorded = True
-        self.recorder.finish(end, closing)
+        self.recorder.finish(end, state.closing)
 
-    def _check_closing(self, closing: list[str], elapsed_s: float) -> None:
-        check_closing(self.state, closing, elapsed_s)
-        reported, end = self.state.barrier.reported, self.state.last_step
-        owing = [name for name in closing if reported[name] < end]
-        self._repeats.look(owing, "stop")
+    def _check_closing(self, elapsed_s: float) -> None:
+        check_closing(self.state, elapsed_s)
+        self.session.repeat_stop()
+        self._repeats.look(self.state.holders(), "stop")
 
     def _survive(self, failure: RunFailure) -> Callable[[], str]:
         """Have an extension keep the run going; raises the failure where none does."""
@@ -316,16 +313,20 @@ class Run:
     def _check_ends(self, late: list[ParticipantState]) -> None:
         """Raise for a participant that did not end in time, or with another exit code than 0."""
         participants = self.state.participants.values()
-        late += [one for one in participants if one.process.late or one.name in self.killed]
+        late += [one for one in participants if one.process.late or one.took_nothing]
         if late:
             reached("a participant is late to end")
             first = late[0]
+            key, limit_s = "stop", self._patience_s(first, has_failed=False)
+            what = f"did not end within {limit_s:g} s of the stop"
+            if first.took_nothing:
+                key, limit_s = "step", first.limit_s("step")
+                what = f"read no messages for {limit_s:g} s while they queued up, at the stop,"
             raise StopTimeout(
                 (
-                    f"{', '.join(one.who() for one in late)} did not end within "
-                    f"{self._patience_s(first, has_failed=False):g} s of the stop and was "
+                    f"{', '.join(one.who() for one in late)} {what} and was "
                     f"{'killed' if first.external is None else 'left running'} "
-                    f"(participants.{first.name}.stop_timeout); the recording is complete"
+                    f"(participants.{first.name}.{key}_timeout); the recording is complete"
                 ),
                 participant=first.name,
                 step=self.state.steps,
@@ -415,12 +416,9 @@ class Run:
             process = participant.process
             if process.exit_code() is None or name == self.state.replaced:
                 continue
-            if name in self.killed:
-                raise took_nothing(self.state, participant)
-            if process.late:
-                raise kept_thread(self.state, participant)
-            # A fault that it, or a witness, has reported is more precise, and is raised from here.
-            self.receive_last_reports(name)
+            if not (participant.took_nothing or process.late):
+                # A fault that it, or a witness, has reported is more precise, and is raised here.
+                self.receive_last_reports(name)
             raise death(self.state, participant)
 
     def _kill_blockers(self) -> None:
@@ -429,16 +427,14 @@ class Run:
         Called on the watchdog's thread, and again while that frees nothing: then it is another.
         """
         reached("a put is blocked")
-        processes = {
-            name: participant.process
-            for name, participant in self.state.participants.items()
-            if participant.process.exit_code() is None
-        }
-        stopped = [name for name, item in processes.items() if item.activity().is_stopped]
-        holders = [name for name in self.state.barrier.holders() if name in processes]
-        for name in stopped or holders or processes:
-            self.killed.append(name)
-            processes[name].signal(signal.SIGKILL)
+        running = [
+            one for one in self.state.participants.values() if one.process.exit_code() is None
+        ]
+        stopped = [one for one in running if one.process.activity().is_stopped]
+        holders = [one for one in running if one.name in self.state.holders()]
+        for one in stopped or holders or running:
+            one.took_nothing = True
+            one.process.signal(signal.SIGKILL)
 
     # --- releasing steps ------------------------------------------------------------------
 
@@ -516,7 +512,7 @@ class Run:
         return Decoder(scenario.types[types[output]])
 
     def end(self, reason: str) -> None:
-        """End the run behind the steps that are released; an extension's `completed` may ask so."""
+        """End the run after the steps that are released; an extension's `completed` may ask so."""
         self.state.ask_end(self.state.released, reason)
 
     def stop(self, reason: str, at_step: int = -1) -> None:

@@ -41,12 +41,13 @@ __all__ = ["Options", "default_folder", "host_of", "run"]
 class Options:
     """How to run, as opposed to what.
 
-    out: folder of the run's files; made, must be empty. host: where it takes place; default: each
-    participant in a process of its own. is_recorded: whether the run writes run.mcap, timing.mcap
-    and result.json. extensions: features of the run, beside those that every run has.
+    out: folder of the run's files; made, must be empty; default: `runs/<scenario>-<time>`. host:
+    where it takes place; default: each participant in a process of its own. is_recorded: whether
+    the run writes run.mcap, timing.mcap and result.json. extensions: features of the run, beside
+    those that every run has.
     """
 
-    out: Path
+    out: Path | None = None
     host: Host = dataclasses.field(default_factory=Processes)
     is_recorded: bool = True
     extensions: Sequence[RunExtension] = ()
@@ -85,8 +86,11 @@ def run(
     for extension in extensions:
         adapted = extension.adapt(adapted)
     options = dataclasses.replace(options, extensions=extensions)
-    claim(options.out)
-    return _Execution(scenario, adapted, options, observer or Observer(), interrupt).execute()
+    # Not before: a run that cannot start leaves no folder.
+    out = options.out or default_folder(scenario, Path("runs"))
+    claim(out)
+    observer = observer or Observer()
+    return _Execution(scenario, adapted, options, observer, interrupt, out=out).execute()
 
 
 _SHARED = (
@@ -98,7 +102,7 @@ _SHARED = (
 class _Execution:
     """Opens the files of one run, and closes them whatever happens.
 
-    adapted: the scenario as its participants get it.
+    adapted: the scenario as its participants get it. out: the folder of the run.
     """
 
     def __init__(
@@ -108,6 +112,8 @@ class _Execution:
         options: Options,
         observer: Observer,
         interrupt: threading.Event | None,
+        *,
+        out: Path,
     ) -> None:
         host = options.host
         self._began = host.clock.monotonic()
@@ -115,8 +121,9 @@ class _Execution:
         self._options = options
         self._observer = observer
         self._events = Events(observer)
+        self._folder = out
         # A run in one process works in the scenario's folder.
-        self._out = options.out.resolve()
+        self._out = out.resolve()
         self._file: McapFile | None = None
         order = [scenario.participant(name) for name in Schedule(scenario).order]
         self._recorder: Recorder | _NoRecorder = _NoRecorder(order, self._events)
@@ -129,7 +136,7 @@ class _Execution:
             timing = self._out / layout.TIMING_FILE
         self._timing = TimingRecorder(timing, host.clock, host.disk)
         if is_shared(self._out):
-            text = _SHARED.format(folder=options.out)
+            text = _SHARED.format(folder=out)
             self._events.add_warning("orchestrator", text)
         self._run = Run(
             adapted,
@@ -213,7 +220,7 @@ class _Execution:
         for extension in self._options.extensions if self._run.is_attached else ():
             fields |= extension.result()
         failure = ending if isinstance(ending, RunFailure) else None
-        scenario, state, folder = self._scenario, self._run.state, self._options.out
+        scenario, state, folder = self._scenario, self._run.state, self._folder
         started, participants = state.started_at, state.participants.values()
         wall_s = self._run.ended_at - started if started else 0.0
         simulated_s = state.steps * scenario.step_ns * 1e-9

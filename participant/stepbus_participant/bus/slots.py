@@ -20,7 +20,7 @@ from stepbus_schemas import RunError, Welcome
 from . import BusError
 
 _HEADER = struct.Struct("<qq")
-"""Step and length of the content behind it."""
+"""Step and length of the content after it."""
 _PAGE = 4096
 _T = TypeVar("_T")
 
@@ -37,7 +37,7 @@ def file_name(participant: str, port: str) -> str:
 def read_slot(fd: int, offset: int, step: int, length: int) -> bytes:
     """Return the content of a slot; raises SlotError where it is not that of this step.
 
-    Its header is read before and behind the content: it would differ, had the slot been reused.
+    Its header is read before and after the content: it would differ, had the slot been reused.
     """
     try:
         stamp = _HEADER.pack(step, length)
@@ -135,7 +135,7 @@ class SlotWriter:
                 f"{exc.strerror}; free disk space there, or lower `window`"
             ) from exc
         if (found := os.fstat(self._fd).st_size) < self._end:
-            # A write behind its end would be a SIGBUS.
+            # A write past its end would be a SIGBUS.
             raise BusError(
                 f"another process truncated {self._path} from {self._end} to {found} bytes"
             )

@@ -119,7 +119,7 @@ def await_delivery(bus: Bus, welcome: Welcome) -> None:
     """Wait until the orchestrator has what was published so far, 10 s at most.
 
     A session of the transport for bulk ports that closes drops what it has not sent yet, such as
-    the last `Log` behind an image. An answer to one more `Hello` (P4.2) shows that it is out.
+    the last `Log` after an image. An answer to one more `Hello` (P4.2) shows that it is out.
     """
     again = _ask(bus, welcome.name, welcome.token, _DELIVERY_S, protocol=welcome.protocol)
     next(iter(again), None)

@@ -16,6 +16,7 @@ from stepbus_schemas import (
     Description,
     Log,
     Message,
+    OutputConfig,
     Outputs,
     StepbusError,
     Types,
@@ -66,8 +67,8 @@ def names_of(
     return {port: inputs.get(row.like or "", row).names for port, row in outputs.items()}
 
 
-class OwnType:
-    """Finds what the readers of a port of the user's own type could not take.
+class _TypeCheck:
+    """Checks the messages of one port as its readers decode them.
 
     names: of the port's description.
     """
@@ -76,13 +77,13 @@ class OwnType:
         self._decoder = Decoder(types[name])
         self._rows = {
             field: row
-            for field, row in fields_of(types.declarations[name]).items()
+            for field, row in fields_of(types.declarations.get(name, {})).items()
             if parts_of(row["type"])[1][:1] == [_PER_NAME]
         }
         self.names: Sequence[str] = ()
 
     def problem(self, message: Message, data: bytes) -> str:
-        """Return what is wrong with a message, or nothing; data: the message, encoded."""
+        """Return the problem of a message; empty: there is none. data: the message, encoded."""
         try:
             self._decoder.plain(data)
         except UNDECODABLE as exc:
@@ -96,11 +97,53 @@ class OwnType:
         return ""
 
 
-def own_types(ports: Mapping[str, str], types: Types) -> dict[str, OwnType]:
-    """Return what checks the ports of the user's own types; ports: name → type."""
-    return {
-        port: OwnType(name, types) for port, name in ports.items() if name in types.declarations
-    }
+class OutputPorts:
+    """Checks and encodes the messages of a participant's output ports.
+
+    decodes_all: whether it decodes the messages of all ports to check them; else only those of the
+    user's own types, and the readers find the rest.
+    """
+
+    def __init__(
+        self, ports: Mapping[str, OutputConfig], types: Types, *, decodes_all: bool = False
+    ) -> None:
+        self._classes = {port: types[config.type] for port, config in ports.items()}
+        self._checks = {
+            port: _TypeCheck(config.type, types)
+            for port, config in ports.items()
+            if decodes_all or config.type in types.declarations
+        }
+
+    def set_names(self, names: Mapping[str, Sequence[str]]) -> None:
+        """Take the names of the ports' descriptions, by port."""
+        for port, check in self._checks.items():
+            check.names = names.get(port, ())
+
+    def encode(self, step: int, port: str, message: Message) -> bytes:
+        """Return a message of a step as bytes.
+
+        Raises OutputError for a port that the scenario lacks, a message of another type, and a
+        message that cannot be encoded or that no reader could decode.
+        """
+        cls = self._classes.get(port)
+        if cls is None:
+            known = ", ".join(self._classes) or "none"
+            raise OutputError(
+                f"step {step}: the scenario has no output port {port!r}; it has {known}"
+            )
+        if type(message) is not cls:
+            raise OutputError(
+                f"step {step}: port {port!r} takes {type_name(cls)}, got {type(message).__name__}"
+            )
+        try:
+            data = encode(message)
+        except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
+            raise OutputError(
+                f"step {step}: cannot encode port {port!r}: {explained(exc)}"
+            ) from exc
+        if port in self._checks and (problem := self._checks[port].problem(message, data)):
+            raise OutputError(f"step {step}: port {port!r}: {problem}")
+        return data
 
 
 class Outbox:
@@ -121,8 +164,7 @@ class Outbox:
         self._name, self._token, self._step_ns = welcome.name, welcome.token, welcome.step_ns
         self._batch, self._max_bytes = welcome.batch, welcome.max_outputs_bytes
         self._drops = drops
-        self._classes = {port: types[config.type] for port, config in welcome.outputs.items()}
-        self._own = own_types({p: config.type for p, config in welcome.outputs.items()}, types)
+        self._ports = OutputPorts(welcome.outputs, types)
         self._put = bus.publisher(f"out/{welcome.name}", encoding_of("Outputs/1"))
         self._put_batch = self._put
         self._most_held = 1
@@ -162,8 +204,7 @@ class Outbox:
         (P17). most_held: how many steps may go out in one message, since no participant waits for
         them (P7.6).
         """
-        for port, own in self._own.items():
-            own.names = names.get(port, ())
+        self._ports.set_names(names)
         self._slots = slots
         if most_held > 1:
             self._most_held = most_held
@@ -181,9 +222,7 @@ class Outbox:
         bulk: dict[str, int] = {}
         slots: dict[str, int] = {}
         for port, message in (messages or {}).items():
-            data = self._encode(step, port, message)
-            if port in self._own and (problem := self._own[port].problem(message, data)):
-                raise OutputError(f"step {step}: port {port!r}: {problem}")
+            data = self._ports.encode(step, port, message)
             if port in self._slots:
                 bulk[port] = len(data)
                 slots[port] = self._slots[port].write(step, data)
@@ -220,24 +259,6 @@ class Outbox:
             self._put(bytes(held[0]))
         elif held:
             self._put_batch(encode(Batch(token=self._token, outputs=held)))
-
-    def _encode(self, step: int, port: str, message: Message) -> bytes:
-        cls = self._classes.get(port)
-        if cls is None:
-            known = ", ".join(self._classes) or "none"
-            raise OutputError(
-                f"step {step}: the scenario has no output port {port!r}; it has {known}"
-            )
-        if type(message) is not cls:
-            raise OutputError(
-                f"step {step}: port {port!r} takes {type_name(cls)}, got {type(message).__name__}"
-            )
-        try:
-            return encode(message)
-        except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
-            raise OutputError(
-                f"step {step}: cannot encode port {port!r}: {explained(exc)}"
-            ) from exc
 
     def _pack(
         self,

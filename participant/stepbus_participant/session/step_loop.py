@@ -158,6 +158,9 @@ class StepLoop:
                 self._outbox.flush(Waiting(step=step, sources=[]))
                 timeout, has_reported = 1.0, True
         self._waited_ns += self._now_ns() - start_ns
+        if has_reported:
+            # The report may have crossed what was waited for (P9.3.3).
+            self._outbox.flush()
 
     def _read_ahead(self, step: int) -> float:
         """Wait for the inputs of a step that is not released yet; return what is left of 20 ms [s].
@@ -243,6 +246,8 @@ class StepLoop:
                 continue
             if item is not None:
                 self._waited_ns += self._now_ns() - start_ns
+                if timeout != FLUSH_AFTER_S:
+                    self._outbox.flush()
                 if len(self._sources) > 1 and queue is source.queue:
                     self._awaited = source
                 return item

@@ -6,7 +6,8 @@ from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from stepbus_schemas import Contacts
-from stepbus_store.motion.sensed import MORE_FORCE, Approach, Collision, MonitorSettings, Watch
+from stepbus_store.motion.mobile.params import Params
+from stepbus_store.motion.sensed import MORE_FORCE, Approach, Collision, Watch
 
 Moves = Literal["arm", "base", "all"]
 """What a goal moves; the gripper belongs to the arm."""
@@ -26,6 +27,18 @@ if it is measured somewhat too near [m]."""
 
 _GROUND_WITHIN = 5e-3
 """What the wheels are closer to at the start is what they stand on [m]."""
+
+_REACTION = 0.05
+"""Until the arm begins to slow down [s]."""
+
+_CLEARANCE = 2e-3
+"""Distance from an obstacle at which the arm comes to rest [m]."""
+
+_STOP, _STOP_HOLDING = 8.0, 5.0
+"""Of any link in the hardest stop, without and with something in the gripper [m/s²]."""
+
+_WARY = 0.25
+"""Share of `creep` at which the arm creeps near what has stopped it before."""
 
 
 class _Row(NamedTuple):
@@ -49,8 +62,8 @@ class Grasp:
     pads, until they have let go of it.
     """
 
-    def __init__(self, settings: MonitorSettings) -> None:
-        self._settings, self._params = settings, settings.params
+    def __init__(self, params: Params, links: frozenset[str]) -> None:
+        self._params, self._links = params, links
         self.held = ""
         self.stood_on: set[str] = set()
         self.around: set[str] = set()
@@ -72,11 +85,20 @@ class Grasp:
         if holding and both and self.held not in both:
             self.held = both[0]
             near = set(_near(contacts, self.held, self._params.slow_within))
-            self.around = near & self._settings.links
-            self.stood_on = set(_near(contacts, self.held, 1e-3)) - self._settings.links
+            self.around = near & self._links
+            self.stood_on = set(_near(contacts, self.held, 1e-3)) - self._links
         elif not holding and self.held and self.held not in both:
             self.between.add(self.held)
             self.held, self.stood_on, self.around = "", set(), set()
+
+
+def _stoppable(brake: float, gap: float) -> float:
+    """Return the largest speed from which a link stops within a gap [m, m/s].
+
+    The path of reaction and braking, v·t + v²/2a, ends at the clearance. brake: a [m/s²].
+    """
+    before, room = brake * _REACTION, max(gap - _CLEARANCE, 0.0)
+    return math.sqrt(before**2 + 2.0 * brake * room) - before
 
 
 def _touched_by(contacts: Contacts, link: str) -> list[str]:
@@ -107,16 +129,27 @@ class CollisionMonitor:
     harder, so that the robot can leave. Near things, other than what is held and moves along, slow
     the arm down, so that each link can stop before it touches them; a link that passes by counts
     with a share of its speed.
+
+    links: of the robot; base_links: those that only the base moves, not the arm. ignore: wheels and
+    casters.
     """
 
-    def __init__(self, settings: MonitorSettings) -> None:
-        self._settings, self._params = settings, settings.params
-        self.range = settings.params.contact_range
+    def __init__(
+        self,
+        params: Params,
+        *,
+        links: frozenset[str],
+        base_links: frozenset[str] = frozenset(),
+        ignore: frozenset[str] = frozenset(),
+    ) -> None:
+        self._params = params
+        self._links, self._base_links, self._ignore = links, base_links, ignore
+        self.range = params.contact_range
         """Range of the contact sensors [m]."""
         self._ground: set[str] = set()
-        self._grasp = Grasp(settings)
-        self._ours = settings.links
-        self._special = settings.ignore.union(settings.params.pads)
+        self._grasp = Grasp(params, links)
+        self._ours = links
+        self._special = ignore.union(params.pads)
         self._touches: frozenset[str] = frozenset()
         self._grips = False
         self._moves: Moves = "all"
@@ -164,8 +197,8 @@ class CollisionMonitor:
         self._grasp.update(contacts, holding=holding, grips=self._grips)
         if self.held != held:
             taken = {self.held} - {""}
-            self._ours = self._settings.links | taken
-            self._special = self._settings.ignore.union(self._params.pads, taken)
+            self._ours = self._links | taken
+            self._special = self._ignore.union(self._params.pads, taken)
         self._gaps = {(row.ours, row.other): row.distance for row in self._last}
         self._last = list(self._rows(contacts))
         watched = [row for row in self._last if not self._is_allowed(row)]
@@ -183,7 +216,8 @@ class CollisionMonitor:
             for row, share, (_, full) in zip(closing, closer, speeds, strict=True)
         )
         scale = min(shares, default=1.0)
-        unseen = self._settings.unseen_speed(holding=bool(self.held))
+        # What stands just beyond the range of the contacts can still be stopped before.
+        unseen = _stoppable(_STOP_HOLDING if self.held else _STOP, self.range)
         fastest = max((speed_of(pad)[1] for pad in self._params.pads), default=0.0)
         if fastest * scale > unseen and self._moves != "base":
             scale = unseen / fastest
@@ -212,10 +246,10 @@ class CollisionMonitor:
 
         What appears all of a sudden comes as fast as the link moves at all.
         """
-        settings = self._settings
+        brake = _STOP_HOLDING if self.held else _STOP
         contacts = []
         for row in closing:
-            if {row.ours, row.other} <= settings.links or row.ours in settings.base_links:
+            if {row.ours, row.other} <= self._links or row.ours in self._base_links:
                 continue
             before = self._gaps.get((row.ours, row.other))
             if before is not None:
@@ -224,7 +258,7 @@ class CollisionMonitor:
                 speed = self._speeds(row, speed_of)[0] + base_speed
             else:
                 speed = 0.0
-            left = row.distance - settings.stopping(speed, holding=bool(self.held))
+            left = row.distance - (speed * _REACTION + speed**2 / (2.0 * brake))
             gap = max(row.distance, 0.0)
             contacts.append((Approach(ours=row.ours, other=row.other, gap=gap), left))
         return tuple(sorted(contacts, key=lambda pair: pair[1]))
@@ -260,13 +294,15 @@ class CollisionMonitor:
     def _share(self, row: _Row, closing: float) -> float:
         """Return the share of the full rate at which two links can stop before they touch.
 
+        Speed and separation monitoring: ISO/TS 15066, 2016, section 5.5.4.
         closing: how fast they come closer at the full rate [m/s].
         """
         if row.distance >= self._params.slow_within:
             return 1.0
         # Where base and arm move, each of them may use up one half.
         gap = row.distance / 2 if self._moves == "all" else row.distance
-        speed = self._settings.safe_speed(gap, wary=row.other in self.wary)
+        creep = self._params.arm_creep * (_WARY if row.other in self.wary else 1.0)
+        speed = max(_stoppable(self._params.arm_brake, gap), creep)
         return min(speed / max(closing, 1e-9), 1.0)
 
     def _speeds(
@@ -312,8 +348,8 @@ class CollisionMonitor:
     def _is_allowed(self, row: _Row) -> bool:
         if row.ours not in self._special and row.other not in self._special:
             return False
-        settings, pair = self._settings, {row.ours, row.other}
-        if pair & settings.ignore and pair & self._ground:
+        pair = {row.ours, row.other}
+        if pair & self._ignore and pair & self._ground:
             return True
         pads = pair.intersection(self._params.pads)
         if pads:
@@ -343,14 +379,14 @@ class CollisionMonitor:
         checked its motion for that.
         """
         pair = {row.ours, row.other}
-        if self._params.srdf is not None and pair <= self._settings.links:
+        if self._params.srdf is not None and pair <= self._links:
             return False
         if self.held in pair and pair & self._grasp.around:
             return False
         both_ours = self.is_ours(row.other)
         if self._moves == "base":
             return not both_ours
-        stands = self._moves == "arm" and row.ours in self._settings.base_links
+        stands = self._moves == "arm" and row.ours in self._base_links
         return both_ours or not stands
 
     def _learn_ground(self, contacts: Contacts) -> None:
@@ -358,5 +394,5 @@ class CollisionMonitor:
         if self._ground:
             return
         for pair, distance in zip(contacts.pairs, contacts.distance, strict=True):
-            if distance < _GROUND_WITHIN and self._settings.ignore.intersection(pair):
-                self._ground.update(set(pair) - self._settings.links)
+            if distance < _GROUND_WITHIN and self._ignore.intersection(pair):
+                self._ground.update(set(pair) - self._links)

@@ -1,4 +1,4 @@
-"""Sensed contacts and gaps: safe speeds near them, and the obstacles that stopped the arm."""
+"""Sensed contacts and gaps, and the obstacles that stopped the arm."""
 
 import math
 from collections.abc import Sequence
@@ -7,64 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepbus_kinematics import Vector
-from stepbus_store.motion.mobile.params import Params
 
 MORE_FORCE = 5.0
 """On top of the force at the start of a goal, a touch is a collision; of a pad that does not grip,
 also on what it may touch [N]."""
-
-_REACTION = 0.05
-"""Until the arm begins to slow down [s]."""
-
-_CLEARANCE = 2e-3
-"""Distance from an obstacle at which the arm comes to rest [m]."""
-
-_STOP, _STOP_HOLDING = 8.0, 5.0
-"""Of any link in the hardest stop, without and with something in the gripper [m/s²]."""
-
-_WARY = 0.25
-"""Share of `creep` at which the arm creeps near what has stopped it before."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class MonitorSettings:
-    """The links that a robot may touch, and safe speeds near all others.
-
-    links: of the robot; base_links: those that only the base moves, not the arm. ignore: wheels and
-    casters, which may touch what they stand on at the start.
-    """
-
-    params: Params
-    links: frozenset[str]
-    base_links: frozenset[str] = frozenset()
-    ignore: frozenset[str] = frozenset()
-
-    def safe_speed(self, gap: float, *, wary: bool = False) -> float:
-        """Return the largest speed of a link that can still stop within a gap [m, m/s].
-
-        The path of reaction and braking, v·t + v²/2a, ends at `clearance` (speed and separation
-        monitoring: ISO/TS 15066, 2016, section 5.5.4). wary: of what has stopped the arm before.
-        """
-        return max(
-            self._speed(self.params.arm_brake, gap),
-            self.params.arm_creep * (_WARY if wary else 1.0),
-        )
-
-    def unseen_speed(self, *, holding: bool) -> float:
-        """Return the largest speed of a link beside space that the contacts do not reach [m/s].
-
-        What stands just beyond their range can still be stopped before.
-        """
-        return self._speed(_STOP_HOLDING if holding else _STOP, self.params.contact_range)
-
-    def stopping(self, speed: float, *, holding: bool) -> float:
-        """Return how far a link goes in the hardest stop from a speed [m, m/s]."""
-        brake = _STOP_HOLDING if holding else _STOP
-        return speed * _REACTION + speed**2 / (2.0 * brake)
-
-    def _speed(self, brake: float, gap: float) -> float:
-        before, room = brake * _REACTION, max(gap - _CLEARANCE, 0.0)
-        return math.sqrt(before**2 + 2.0 * brake * room) - before
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -87,7 +87,7 @@ def test_inputs_and_outputs_must_be_those_of_the_configuration(bench):
     with pytest.raises(WiringError, match="takes JointState/1, got JointComm"):
         bench.step(joint_state=JointCommand(values=[0.5], mode="torque"))
     wrong = Bench(Spring, make_config(inputs=PORTS["inputs"], outputs={"torque": JointCommand}))
-    with pytest.raises(OutputError, match=r"step 0: output 'command' is not in .*; known: torque"):
+    with pytest.raises(OutputError, match=r"step 0: .* no output port 'command'; it has torque"):
         wrong.step(joint_state=JointState(position=[0.5]))
     wrong = Bench(Spring, make_config(inputs=PORTS["inputs"], outputs={"command": JointState}))
     with pytest.raises(OutputError, match="takes JointState/1, got JointCommand"):
@@ -101,9 +101,7 @@ class Mistyped(Spring):
 
 def test_a_message_that_no_reader_could_decode_is_refused():
     bench = Bench(Mistyped, make_config(**PORTS))
-    with pytest.raises(
-        OutputError, match=r"output 'command' cannot be sent: .* values: Expected `array`"
-    ):
+    with pytest.raises(OutputError, match=r"port 'command': not a .* values: Expected `array`"):
         bench.step(joint_state=JointState(position=[0.5]))
 
 

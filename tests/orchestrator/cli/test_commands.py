@@ -9,7 +9,8 @@ import pytest
 from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.app import command_names, examples_of, load_command, parsed
+from stepbus_orchestrator.cli.app import command_names, examples_of, load_command
+from stepbus_orchestrator.cli.dispatch import parsed
 from stepbus_orchestrator.errors import ExitCode
 
 

@@ -9,6 +9,7 @@ import pytest
 from cyclopts import Parameter
 
 from stepbus_orchestrator.cli import app
+from stepbus_orchestrator.cli.dispatch import parsed
 from stepbus_orchestrator.cli.options import EITHER, FLAT, Command, Count, Port, Settings
 
 
@@ -83,7 +84,7 @@ def test_the_docstrings_are_the_help():
     ],
 )
 def test_words_become_fields(words, field, value):
-    assert getattr(app.parsed("paint", *words.split()), field) == value
+    assert getattr(parsed("paint", *words.split()), field) == value
 
 
 @pytest.mark.parametrize(
@@ -99,7 +100,7 @@ def test_words_become_fields(words, field, value):
 )
 def test_words_that_do_not_fit_are_refused(words, sentence, capsys):
     with pytest.raises(SystemExit, match="2"):
-        app.parsed("paint", *words.split())
+        parsed("paint", *words.split())
     said = " ".join(capsys.readouterr().err.split())
     assert sentence in said
     assert said.endswith("see stepbus paint --help")

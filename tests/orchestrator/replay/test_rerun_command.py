@@ -111,13 +111,16 @@ def test_without_a_folder_the_new_run_is_named_after_the_old_one(recorded, tmp_p
     assert names == ["out-rerun", "out-rerun-2"]
 
 
-@pytest.mark.parametrize("command", ["rerun", "recover"])
-def test_a_file_that_is_no_recording_is_one_sentence_and_8(command, tmp_path, capsys):
+@pytest.mark.parametrize("command", ["info", "rerun", "recover"])
+@pytest.mark.parametrize(
+    ("content", "why"), [("", "has 0 bytes"), ("no messages", "is not an MCAP recording")]
+)
+def test_a_file_that_is_no_recording_is_one_sentence_and_8(command, content, why, tmp_path, capsys):
     path = tmp_path / "notes.txt"
-    path.write_text("these are no messages")
+    path.write_text(content)
     assert cli.main([command, str(path)]) == ExitCode.RECORDING == 8
     (said,) = capsys.readouterr().err.splitlines()
-    assert said.startswith(f"stepbus: {path} is not an MCAP recording")
+    assert said.startswith(f"stepbus: {path} {why}")
 
 
 def test_recover_says_what_is_kept_and_what_is_lost(recorded, tmp_path, capsys):

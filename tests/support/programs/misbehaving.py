@@ -158,6 +158,10 @@ def leave_grandchild() -> None:
     subprocess.run(["sh", "-c", "trap '' TERM INT HUP; sleep 1000 & :"], check=True)
 
 
+def leave_session() -> None:
+    subprocess.Popen(["sleep", "1000"], start_new_session=True)
+
+
 def close_standard_streams() -> None:
     for number in (0, 1, 2):
         os.close(number)

@@ -12,6 +12,10 @@ from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.material import read
 from stepbus_tools.conformance.play import run_checks
 
+STOPS = [
+    "replayed-log", "stop-before-ready", "stop-before-start", "stop-while-waiting",
+    "stop-between-steps", "stop-at-end", "stop-overtakes",
+]  # fmt: skip
 # Mistake of wrong_controller.py → the checks that find it; all others pass or are skipped.
 FOUND_BY = {
     "AnyStop": ["control-noise"],
@@ -22,10 +26,7 @@ FOUND_BY = {
     "BigBatches": ["batch"],
     "Clock": ["determinism"],
     "Consolidates": ["wrong-replies"],
-    "ExitsThree": [
-        "replayed-log", "stop-before-ready", "stop-before-start", "stop-while-waiting",
-        "stop-between-steps", "stop-at-end", "stop-overtakes",
-    ],
+    "ExitsThree": STOPS,
     "ExitsZeroWithoutTicket": ["no-ticket"],
     "FiresAlways": ["own-every"],
     "FirstReply": ["wrong-replies"],
@@ -36,10 +37,7 @@ FOUND_BY = {
     "HandshakesOnce": ["handshake"],
     "HangsAtGarbage": ["garbage"],
     "IgnoresDelay": ["delayed", "nothing-due"],
-    "IgnoresStop": [
-        "replayed-log", "stop-before-ready", "stop-before-start", "stop-while-waiting",
-        "stop-between-steps", "stop-at-end", "stop-overtakes",
-    ],
+    "IgnoresStop": STOPS,
     "IgnoresTerm": ["sigterm"],
     "IgnoresTriggers": ["waits-for-trigger"],
     "KnownPorts": ["unread-ports", "oversize"],

@@ -141,7 +141,10 @@ class Bus:
     """A bus in memory with scripted participants, which log all that a trigger permits.
 
     order: in which their logs arrive. dies: (participant, step): its process ends there.
+    lost_stops: how many are lost. deaf: a put of a stop blocks until this one is killed.
     """
+
+    lost_stops, deaf = 0, ""
 
     clock = time
     queue = SimpleQueue
@@ -196,6 +199,11 @@ class Bus:
         self._sinks[f"log/{name}"](log(name, *steps))
 
     def _on_stop(self, data):
+        while self.deaf and self.processes[self.deaf].code is None:
+            time.sleep(0.01)
+        self.lost_stops -= 1
+        if self.lost_stops >= 0:
+            return
         stop = Decoder(Stop)(data)
         self.stops.append(stop.at_step)
         for name, spec in self._specs.items():

@@ -1,4 +1,5 @@
 import contextlib
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -6,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stepbus_schemas import WiringError
-from stepbus_tools.sweep.axes import Design, parse_axis
+from stepbus_tools.sweep.axes import Design, Sampling, parse_axis
 
 
 @pytest.mark.parametrize(
@@ -76,7 +77,7 @@ def test_a_design_is_the_product_of_grids_draws_and_repeats() -> None:
     assert len(set(draws[0])) == 5
 
 
-@pytest.mark.parametrize("sampling", ["random", "latin", "sobol", "halton"])
+@pytest.mark.parametrize("sampling", get_args(Sampling))
 def test_the_same_seed_draws_the_same(sampling: str) -> None:
     def drawn(seed: int) -> list[float]:
         axes = [parse_axis("a~normal(1, 0.1)"), parse_axis("b~randint(0, 10)")]

@@ -41,7 +41,7 @@ _REPLIES = (
     b"garbage",
     encode(Refusal(reason="another process refuses you")),
     _WELCOME,
-    # Behind the Welcome, whose place it takes for a program that lets Zenoh consolidate replies.
+    # After the Welcome, whose place it takes for a program that lets Zenoh consolidate replies.
     encode(Refusal(reason="another process refuses you again")),
 )
 """The replies on `join` of the peers' end and of the orchestrator, in their order."""
@@ -380,7 +380,7 @@ class Harness:
         self._wait(lambda: self.child.exit_code() is not None, timeout_s, tick)
         if self.child.exit_code() is None:
             raise Failed(f"it did not end within {timeout_s:g} s of {what}")
-        # Its liveliness token disappears behind the last of what it sent, on the same link.
+        # Its liveliness token disappears after the last of what it sent, on the same link.
         self._wait(lambda: not self.transcript.alive, _DRAIN_S, None)
         while self.poll(0.0):
             continue
@@ -399,7 +399,7 @@ class Harness:
     ) -> None:
         """Do the steps from `first` to below `end` in lockstep.
 
-        before, after: are done before and behind the inputs of a step.
+        before, after: are done before and after the inputs of a step.
         """
         for step in range(first, end):
             self.release(step + 1)

@@ -11,7 +11,7 @@ import numpy as np
 from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_schemas import StepbusError
 from stepbus_tools.columns import Table
-from stepbus_tools.signals import Array, Signal, Tracking
+from stepbus_tools.signals import Array, JointPorts, Signal, Tracking
 
 Line = tuple[Array, Array]
 """Times [s] and values, both of shape (p,)."""
@@ -203,34 +203,26 @@ class SignalCurves:
         return curve.line(self.names.index(joint))
 
 
-class JointCurves:
-    """The curves of states, references, commands and tracking errors, as `Tracking` has them.
-
-    measured: joints, in the order of the states. joints: those of them with a reference. end_s: of
-    the last state [s].
-    """
+class JointCurves(JointPorts[SignalCurves]):
+    """The curves of joints and their tracking errors. end_s: of the last state [s]."""
 
     def __init__(self) -> None:
-        self.measured: list[str] = []
-        self.joints: list[str] = []
+        self.states: dict[str, SignalCurves] = {}
+        self.references: dict[str, SignalCurves] = {}
+        self.commands: dict[str, SignalCurves] = {}
         self.end_s = 0.0
-        self._states: dict[str, SignalCurves] = {}
-        self._references: dict[str, SignalCurves] = {}
-        self._commands: dict[str, SignalCurves] = {}
         self._errors: dict[str, Curve] = {}
 
     def take(self, piece: Tracking) -> None:
         """Take the next piece of a recording."""
         for known, signals in (
-            (self._states, piece.states),
-            (self._references, piece.references),
-            (self._commands, piece.commands),
+            (self.states, piece.states),
+            (self.references, piece.references),
+            (self.commands, piece.commands),
         ):
             for topic, signal in signals.items():
                 known.setdefault(topic, SignalCurves(signal)).take(signal)
         self.end_s = max([self.end_s, *(float(state.t[-1]) for state in piece.states.values())])
-        self.measured = list(dict.fromkeys((*self.measured, *piece.measured)))
-        self.joints = list(dict.fromkeys((*self.joints, *piece.joints)))
         for joint in piece.joints or piece.measured:
             state = piece.state_of(joint)
             if state is not None:
@@ -240,30 +232,12 @@ class JointCurves:
     @property
     def torques(self) -> list[SignalCurves]:
         """Return the ports that only command torques, or brake."""
-        commands = self._commands.values()
+        commands = self.commands.values()
         return [one for one in commands if "torque" in one.modes and one.modes <= _TORQUE_ONLY]
-
-    def state_of(self, joint: str) -> SignalCurves | None:
-        """Return the state that measures a joint."""
-        return _with(joint, self._states)
-
-    def reference_of(self, joint: str) -> SignalCurves | None:
-        """Return the reference of a joint."""
-        return _with(joint, self._references)
-
-    def unit(self, joint: str) -> str:
-        """Return the unit of a joint's position: m for a prismatic joint, else rad."""
-        state = self.state_of(joint)
-        is_prismatic = state is not None and state.joint_types.get(joint) == "prismatic"
-        return "m" if is_prismatic else "rad"
 
     def error(self, joint: str) -> Line | None:
         """Return reference minus measured position; without references, the targets of motors."""
         return self._errors[joint].line(0) if joint in self._errors else None
-
-
-def _with(joint: str, curves: Mapping[str, SignalCurves]) -> SignalCurves | None:
-    return next((one for one in curves.values() if joint in one.names), None)
 
 
 def _behind(state: Signal, joint: str) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.recording.layout import split_topic
 from stepbus_schemas import Description, Goal
+from stepbus_tools.columns import limits_of
 from stepbus_tools.signals import Array, Signal, read_signal
 
 STATE, COMMAND, REFERENCE = "JointState/1", "JointCommand/1", "JointReference/1"
@@ -189,12 +190,11 @@ def _watched(
 
 
 def _joints(description: Description) -> dict[str, Joint]:
-    def column(name: str, default: Any) -> list[Any]:
-        values = description.limits.get(name) or ()
-        column = [default if value is None else value for value in values]
-        return column or [default] * len(description.names)
-
-    types = description.details.get("type") or [""] * len(description.names)
-    columns = (column("lower", -math.inf), column("upper", math.inf), column("effort", math.inf))
-    joints = map(Joint, *columns, types)
-    return dict(zip(description.names, joints, strict=False))
+    limits, names = description.limits, description.names
+    types = description.details.get("type") or [""] * len(names)
+    return {
+        name: Joint(
+            *limits_of(limits, "position", number), limits_of(limits, "effort", number)[1], type_
+        )
+        for number, (name, type_) in enumerate(zip(names, types, strict=False))
+    }

@@ -12,7 +12,7 @@ from stepbus_tools.report.summary import read_joints
 
 _MOST_VARIANTS = 4
 _BEFORE = 0.1
-"""How much of the time behind the branch is shown before it."""
+"""How much of the time after the branch is shown before it."""
 _RECORDED = "recorded"
 
 
@@ -57,7 +57,7 @@ def draw_variants(
 
 
 def _around(mark_s: float, lines: Sequence[ChartLine]) -> list[ChartLine]:
-    """Return lines from a little before a time on; those of the recording behind the others."""
+    """Return lines from a little before a time on; those of the recording after the others."""
     end_s = max((float(line.points[0][-1]) for line in lines), default=mark_s)
     start_s = max(0.0, mark_s - _BEFORE * (end_s - mark_s))
     cut = []

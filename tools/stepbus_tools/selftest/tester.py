@@ -7,6 +7,7 @@ from typing import Any
 
 from stepbus_participant import Participant, Step
 from stepbus_schemas import Description, JointCommand, JointState, Message, RunError
+from stepbus_tools.columns import limits_of
 
 # What is commanded where nothing limits it [rad/s, m/s], and how much of a limit is used.
 _SPEED = {True: 2.0, False: 0.1}
@@ -92,28 +93,27 @@ class Trial:
 
 def read_joints(description: Description, start: Sequence[float] = ()) -> list[TestedJoint]:
     """Return the joints of a description; start: their positions, shape (n,) [rad]."""
-    count = len(description.names)
-
-    def limits(key: str, otherwise: float) -> Sequence[float]:
-        return description.limits.get(key, [otherwise] * count)
-
-    lower, upper = limits("lower", -math.inf), limits("upper", math.inf)
-    speed, effort = limits("velocity", math.inf), limits("effort", math.inf)
-    return [
-        TestedJoint(
-            index=i,
-            name=name,
-            is_rotary=description.details.get("type", ["revolute"] * count)[i] != "prismatic",
-            mode=description.details.get("mode", ["position"] * count)[i],
-            lower=lower[i],
-            upper=upper[i],
-            # A velocity limit of 0 is how a URDF states that there is none.
-            speed=speed[i] or math.inf,
-            effort=effort[i],
-            start=start[i] if start else 0.0,
+    count, limits = len(description.names), description.limits
+    types = description.details.get("type", ["revolute"] * count)
+    modes = description.details.get("mode", ["position"] * count)
+    joints = []
+    for i, name in enumerate(description.names):
+        lower, upper = limits_of(limits, "position", i)
+        joints.append(
+            TestedJoint(
+                index=i,
+                name=name,
+                is_rotary=types[i] != "prismatic",
+                mode=modes[i],
+                lower=lower,
+                upper=upper,
+                # A velocity limit of 0 is how a URDF states that there is none.
+                speed=limits_of(limits, "velocity", i)[1] or math.inf,
+                effort=limits_of(limits, "effort", i)[1],
+                start=start[i] if start else 0.0,
+            )
         )
-        for i, name in enumerate(description.names)
-    ]
+    return joints
 
 
 def by_mode(joints: Sequence[TestedJoint]) -> dict[str, list[TestedJoint]]:

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,6 +195,7 @@ def _of_scipy(name: str, arguments: list[Any], keywords: dict[str, Any], text: s
     return Distribution(frozen, is_discrete=isinstance(getattr(stats, name), stats.rv_discrete))
 
 
+Sampling = Literal["random", "latin", "sobol", "halton"]
 SEED = "seed"
 
 
@@ -220,7 +221,7 @@ class Design:
         axes: Sequence[Axis],
         *,
         samples: int = 0,
-        sampling: str = "random",
+        sampling: Sampling = "random",
         seed: int = 0,
         repeats: int = 1,
         first_seed: int = 0,
@@ -279,7 +280,7 @@ def _check(axes: Sequence[Axis], samples: int, repeats: int) -> None:
         raise WiringError("samples: no axis has a distribution; for several seeds use --repeats")
 
 
-def _points(count: int, width: int, sampling: str, seed: int) -> NDArray[np.float64]:
+def _points(count: int, width: int, sampling: Sampling, seed: int) -> NDArray[np.float64]:
     """Return points between 0 and 1, shape (count, width)."""
     random = np.random.default_rng(seed)
     if sampling == "random":

@@ -6,7 +6,7 @@ const shade = (name) => style.getPropertyValue(name).trim();
 const at = (id) => document.getElementById(id);
 // A metric or axis as it is named beside a chart: with its unit, where it has one.
 const named = (name) => (sweep.units[name] ? `${name} [${sweep.units[name]}]` : name);
-// It breaks behind its dots, where there is little room.
+// It breaks after its dots, where there is little room.
 const broken = (name) => name.replaceAll(".", ".\u200b");
 const numeric = (values) => values.every((v) => v === null || typeof v === "number");
 const shown = (value) => (typeof value === "number" ? Number(value.toPrecision(5)) : value ?? "–");

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 
@@ -26,7 +26,7 @@ from stepbus_orchestrator.scenario.override import named_from
 from stepbus_participant import Count, Problems, Settings, Whole, read_text, suggest, write_file
 from stepbus_participant.parameters import Keys, Place, read, read_yaml
 from stepbus_schemas import WiringError
-from stepbus_tools.sweep.axes import FAULTS, Axis, Design, Point, parse_axis
+from stepbus_tools.sweep.axes import FAULTS, Axis, Design, Point, Sampling, parse_axis
 from stepbus_tools.sweep.bundle import metric_file
 from stepbus_tools.sweep.sweep_metrics import BUILTIN
 
@@ -46,7 +46,7 @@ class Spec(Settings):
     """The axes: `PATH=VALUES` or `PATH~DISTRIBUTION`."""
     samples: Whole = 0
     """How many values are drawn from each distribution."""
-    sampling: Literal["random", "latin", "sobol", "halton"] = "random"
+    sampling: Sampling = "random"
     """How they are drawn: independently, or so that they fill the space."""
     seed: Whole = 0
     """What the draws depend on, and the choices of an optimizer."""

@@ -103,7 +103,43 @@ def _energy(states: Any) -> float | None:
     return total
 
 
-class Metrics:
+class Metrics(dict[str, float]):
+    """The metrics of a run by name, as in a sweep. units: units of those that have one."""
+
+    def __init__(self, values: Mapping[str, float], units: Mapping[str, str]) -> None:
+        super().__init__(values)
+        self.units = dict(units)
+
+    def __repr__(self) -> str:
+        """Return every metric with its unit, in a line."""
+        rows = (f"{name} {value:.4g} {self.units.get(name, '')}" for name, value in self.items())
+        return f"<Metrics {', '.join(map(str.rstrip, rows))}>"
+
+
+def result_metrics(result: Result) -> Metrics:
+    """Return the metrics that ship of one run, without those that this run has no data for.
+
+    Raises RecordingFailed when its recording cannot be read.
+    """
+    with Recording(result) as recording:
+        measured = builtin_metrics(result, recording)
+        kinds = {
+            joint: kind
+            for port in recording.of_type("JointState/1")
+            # There are none where the plant gives none.
+            for joint, kind in zip(
+                port.names, port.description.details.get("type", ()), strict=False
+            )
+        }
+    values = {name: value for name, value in measured.items() if isinstance(value, int | float)}
+    joints = [name for name in values if name.startswith("rmse.")]
+    units = {name: "m" if kinds.get(name[5:]) == "prismatic" else "rad" for name in joints}
+    if joints:
+        units["rmse"] = ", ".join(sorted(set(units.values()), reverse=True))
+    return Metrics(values, {name: unit for name, unit in UNITS.items() if name in values} | units)
+
+
+class UserMetrics:
     """The user's metrics, loaded from files; each of `names` is `file.py:function`.
 
     folder: where the files are. Raises MetricFailed for a file that cannot be loaded.

@@ -28,7 +28,7 @@ from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import METRICS_FOLDER, SOURCE_FOLDER, Bundle
 from stepbus_tools.sweep.rows import ResultRow, failed_row
 from stepbus_tools.sweep.spec import overrides_of
-from stepbus_tools.sweep.sweep_metrics import Metrics, Value, builtin_metrics
+from stepbus_tools.sweep.sweep_metrics import UserMetrics, Value, builtin_metrics
 
 Files = Mapping[str, bytes]
 """Name → content of the files of a run."""
@@ -48,7 +48,7 @@ class Trials:
         self._folder = folder
         self._source = folder / SOURCE_FOLDER
         self._scenario = bundle.unpack(self._source)
-        self._metrics: Metrics | None = None
+        self._metrics: UserMetrics | None = None
 
     def prepare(self) -> None:
         """Load what each run needs, but no code of the user's."""
@@ -63,10 +63,10 @@ class Trials:
             json_schema(name, scenario.types)
         own_versions()
 
-    def load_metrics(self) -> Metrics:
+    def load_metrics(self) -> UserMetrics:
         """Load the user's metrics, once; raises MetricFailed for one that cannot be loaded."""
         if self._metrics is None:
-            self._metrics = Metrics(self._bundle.metrics, self._source / METRICS_FOLDER)
+            self._metrics = UserMetrics(self._bundle.metrics, self._source / METRICS_FOLDER)
         return self._metrics
 
     def run(self, point: Point, timeout_s: float) -> tuple[bytes, Files]:

@@ -89,14 +89,9 @@ def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
     asyncio.new_event_loop().close()
     # It prints a box.
     with contextlib.redirect_stdout(io.StringIO()):
-        server = Server(host=LOOPBACK, port=0, verbose=False)
+        server = Server(host=LOOPBACK, port=0, label=label, verbose=False)
     _refuse_strangers(server, token)
-    server.gui.configure_theme(
-        control_width="large",
-        show_logo=False,
-        show_share_button=False,
-    )
-    server.gui.set_panel_label(label)
+    server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     door.token, door.viser_port = token, server.get_port()
     door.page = _front((files("viser") / "client/build/index.html").read_text("utf-8"), label)
     threading.Thread(target=door.serve_forever, name="door", daemon=True).start()

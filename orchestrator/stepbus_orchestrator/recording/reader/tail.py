@@ -39,7 +39,7 @@ class Tail:
 
     ports: by topic, as they appear. attachments: the scenario and its files. t_ns: simulation time
     of the newest message [ns]. is_complete: whether the file is closed. The recorder writes the
-    open chunk behind the file's end, and the whole chunk in its place later: both are the same
+    open chunk after the file's end, and the whole chunk in its place later: both are the same
     messages, and each is taken once.
 
     Raises RecordingFailed when the file cannot be read.
@@ -91,7 +91,7 @@ class Tail:
         return before != (self._position, self._taken)
 
     def _take_next(self, size: int) -> bool:
-        """Take the record behind the last whole one; return whether another may follow.
+        """Take the record after the last whole one; return whether another may follow.
 
         Raises DamagedRecord when it is not whole.
         """

@@ -27,14 +27,15 @@ class Debug(RunExtension):
 
     def prepare(self, scenario: Scenario) -> Scenario:
         """Raise WiringError for a name that no participant has, or that is started elsewhere."""
-        without = without_deadlines(scenario, [*self._names, *self._no_deadline])
+        names = [*self._names, *self._no_deadline]
+        check_names(scenario, names, "debug")
         for name in self._names:
             if scenario.participant(name).is_external:
                 raise WiringError(
                     f"{name}: --debug is only for participants that stepbus starts; "
                     f"start this one in a debugger yourself, with --no-deadline {name}"
                 )
-        return without
+        return scenario.changed(names, **_NO_DEADLINES)
 
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
         """Return the participant that gets the terminal."""
@@ -48,12 +49,3 @@ def check_names(scenario: Scenario, names: Iterable[str], what: str = "") -> Non
         if name not in known:
             purpose = f" to {what}" if what else ""
             raise WiringError(f"no participant {name!r}{purpose}{suggest(name, known)}")
-
-
-def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
-    """Return a scenario in which the participants of some names have no deadlines.
-
-    Raises WiringError for a name that no participant has.
-    """
-    check_names(scenario, names, "debug")
-    return scenario.changed(names, **_NO_DEADLINES)

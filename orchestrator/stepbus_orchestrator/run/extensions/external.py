@@ -9,8 +9,7 @@ from typing import Any
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.scenario.fault_texts import PROCESS_FAULTS, faults_of, format_fault
-from stepbus_orchestrator.scenario.model import EXTERNAL_SPAWN_S, ParticipantSpec, Scenario
-from stepbus_participant import suggest
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_schemas import WiringError
 
 from .debug import check_names
@@ -25,7 +24,8 @@ class External(RunExtension):
 
     Of all participants, it tells which have not ended.
 
-    tickets: where the tickets of some are put; default: `<name>.ticket` in the run's folder.
+    tickets: where the tickets of some are put, which are external from then on; default:
+    `<name>.ticket` in the run's folder.
     """
 
     def __init__(self, tickets: Mapping[str, Path] = MappingProxyType({})) -> None:
@@ -33,11 +33,13 @@ class External(RunExtension):
         self._told_at = 0.0
 
     def prepare(self, scenario: Scenario) -> Scenario:
-        """Raise WiringError for what cannot be done to a participant that is started elsewhere."""
+        """Return a scenario in which the user starts the participants that have a ticket, too.
+
+        Raises WiringError for what cannot be done to a participant that is started elsewhere.
+        """
+        check_names(scenario, self._tickets)
+        scenario = scenario.changed(self._tickets, start="external")
         names = external_names(scenario)
-        for name in self._tickets:
-            if name not in names:
-                raise WiringError(f"no external participant {name!r}{suggest(name, names)}")
         faults = [
             format_fault(fault)
             for fault in faults_of(scenario.faults, PROCESS_FAULTS)
@@ -112,16 +114,3 @@ class StartedHere(RunExtension):
 def external_names(scenario: Scenario) -> list[str]:
     """Return the participants that the user starts."""
     return [spec.name for spec in scenario.participants if spec.is_external]
-
-
-def as_external(scenario: Scenario, names: Iterable[str]) -> Scenario:
-    """Return a scenario in which the user starts some participants, and they have time.
-
-    Raises WiringError for a name that no participant has.
-    """
-    check_names(scenario, names)
-    for name in names:
-        spawn_s = max(scenario.participant(name).deadlines.spawn_s, EXTERNAL_SPAWN_S)
-        spawn_ns = round(spawn_s * 1e9)
-        scenario = scenario.changed([name], start="external", spawn_timeout_ns=spawn_ns)
-    return scenario

@@ -43,7 +43,7 @@ class Pace(RunExtension):
             self._more += count
 
     def stop(self) -> None:
-        """End the run behind the steps that are released: it has finished, as the user wants."""
+        """End the run after the steps that are released: it has finished, as the user wants."""
         self.is_stopping = True
 
     def limit(self, released: int) -> int:

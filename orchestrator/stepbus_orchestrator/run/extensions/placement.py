@@ -27,7 +27,7 @@ _LEAST_RATE = 200.0
 """Below, the steps are what takes the time, and may use all cores [steps/s]."""
 _GAIN = 1.08
 _CORE = 36
-"""Where /proc/<pid>/stat has the core, behind the name (proc_pid_stat(5))."""
+"""Where /proc/<pid>/stat has the core, after the name (proc_pid_stat(5))."""
 _COMMON = (os.SCHED_OTHER, os.SCHED_BATCH)
 """Policies of threads that may be moved; others are for real time, for example (sched(7))."""
 

@@ -23,11 +23,13 @@ _BEHIND_NS = Fraction(100_000_000)
 """A run that is further behind starts its grid anew: after a pause it does not hurry."""
 
 
-class Grid(RunExtension):
-    """Holds each step until its time on a grid of the wall clock; without a period, it holds none.
+class Speed(RunExtension):
+    """Makes a run as slow as the user likes: it holds each step until its time by the wall clock.
 
-    step_ns: length of a step [ns].
+    step_ns: length of a step [ns]. factor: 2: twice as fast as real time; None: as fast as it can.
     """
+
+    factor: float | None = None
 
     def __init__(self, step_ns: int) -> None:
         self._step_ns = step_ns
@@ -39,10 +41,15 @@ class Grid(RunExtension):
         super().attach(run)
         self._now_ns = run.clock.monotonic_ns
 
-    def start(self, factor: float, released: int) -> None:
-        """Begin step `released` now, and further ones so many times as fast as real time."""
-        self._period_ns = self._step_ns / Fraction(factor).limit_denominator(1_000_000)
-        self._origin_ns = self._now_ns() - int(released * self._period_ns)
+    def set(self, factor: float | None, released: int) -> None:
+        """Go so many times as fast as real time; None: as fast as possible.
+
+        released: the step that begins now; those below it have been released.
+        """
+        self.factor, period_ns = factor, Fraction(0)
+        if factor is not None:
+            period_ns = self._step_ns / Fraction(factor).limit_denominator(1_000_000)
+        self._period_ns, self._origin_ns = period_ns, self._now_ns() - int(released * period_ns)
 
     def due_ns(self, step: int) -> int:
         """Return when a step begins, by the clock of the run [ns]."""
@@ -52,6 +59,11 @@ class Grid(RunExtension):
         """Return the first step whose time has not come."""
         if not self._period_ns:
             return FAR
+        if self._now_ns() - self.due_ns(released) >= max(self._period_ns, _BEHIND_NS):
+            self.set(self.factor, released)
+        return self._first_held()
+
+    def _first_held(self) -> int:
         return int((self._now_ns() - self._origin_ns) // self._period_ns) + 1
 
     def wait_s(self, released: int, longest_s: float) -> float | None:
@@ -62,37 +74,13 @@ class Grid(RunExtension):
         return min(left_s, longest_s) if left_s > 0 else longest_s
 
 
-class Speed(Grid):
-    """Makes a run as slow as the user likes, while it goes on. factor: None: as fast as it can."""
-
-    factor: float | None = None
-
-    def set(self, factor: float | None, released: int) -> None:
-        """Go so many times as fast as real time; None: as fast as possible.
-
-        released: steps below it have been released.
-        """
-        self.factor = factor
-        if factor is None:
-            self._period_ns = Fraction(0)
-        else:
-            self.start(factor, released)
-
-    def limit(self, released: int) -> int:
-        """Return the first step whose time has not come."""
-        due = super().limit(released)
-        behind_ns = Fraction(self._now_ns() - self.due_ns(released))
-        if self.factor is None or behind_ns < max(self._period_ns, _BEHIND_NS):
-            return due
-        self.start(self.factor, released)
-        return released + 1
-
-
-class RealTime(Grid):
+class RealTime(Speed):
     """Step k begins `k · step / factor` after the first, without drift.
 
     step_ns: length of a step [ns]. factor: 2 is twice as fast as real time.
     """
+
+    factor: float
 
     def __init__(self, step_ns: int, factor: float) -> None:
         super().__init__(step_ns)
@@ -111,16 +99,16 @@ class RealTime(Grid):
         Raises StepTimeout where a participant was late that may not be.
         """
         if not self._period_ns:
-            self.start(self.factor, released)
+            self.set(self.factor, released)
         overdue_ns = self._now_ns() - self.due_ns(released)
         barrier = self.run.state.barrier
         others = min((g(released) for g in self.run.gates if g != self.limit), default=FAR)
         if overdue_ns >= 0 and barrier.step_limit <= released:
             self._holders.update(barrier.holders())
         elif overdue_ns >= 0 and others <= released:
-            # A pause or a call holds the run: the grid starts anew behind it.
+            # A pause or a call holds the run: the grid starts anew after it.
             self._origin_ns += overdue_ns
-        due = super().limit(released)
+        due = self._first_held()
         self._begin(max(released, min(due, others, barrier.step_limit)))
         return due
 

@@ -187,7 +187,7 @@ class SafeStop(RunExtension):
     def _can_replace(self, failure: RunFailure) -> bool:
         """Return whether the participant that failed can be replaced.
 
-        Behind what cannot be recorded, safe messages would leave a hole. A witness that found a
+        After what cannot be recorded, safe messages would leave a hole. A witness that found a
         message of another malformed has ended itself (P8.1): then two are gone. A process that the
         user has started cannot be killed: while it may still publish, no other may in its name.
         """

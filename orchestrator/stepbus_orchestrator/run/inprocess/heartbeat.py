@@ -57,7 +57,7 @@ Python's lock asks for it 200 times a second."""
 
 
 class Stage(IntEnum):
-    """How far a process is: no run yet; the phases of one; behind it; all done but its end."""
+    """How far a process is: no run yet; the phases of one; after it; all done but its end."""
 
     BEFORE = 0
     READY = 1

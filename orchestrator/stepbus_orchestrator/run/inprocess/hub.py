@@ -198,7 +198,7 @@ class Hub:
         self._root = getcurrent()
 
     def let_go_on(self, hosted: HostedParticipant) -> None:
-        """Give a participant its turn behind all that have one already."""
+        """Give a participant its turn after all that have one already."""
         if not hosted.is_ready:
             hosted.is_ready = True
             self._ready.append(hosted)

@@ -70,12 +70,10 @@ def _stopped(state: RunState, late: Sequence[ParticipantState]) -> list[Particip
     return []
 
 
-def check_closing(state: RunState, closing: Sequence[str], elapsed_s: float) -> None:
+def check_closing(state: RunState, elapsed_s: float) -> None:
     """Advance the clock of those whose closing outputs are missing; raises StepTimeout (P12.1)."""
     end = state.last_step
-    for name in closing:
-        if state.barrier.reported[name] >= end:
-            continue
+    for name in state.holders():
         participant = state.participants[name]
         code = participant.process.exit_code()
         if code is not None:

@@ -116,42 +116,28 @@ def _drops(participant: ParticipantState) -> str:
     return f"{total} dropped message{'s' * (total != 1)}" + (f" ({causes})" if causes else "")
 
 
-def took_nothing(state: RunState, participant: ParticipantState) -> StepTimeout:
-    """Return the failure of a participant that was killed because it read nothing any more."""
-    reached("a participant reads nothing")
-    return state.failure(
-        StepTimeout,
-        participant,
-        state.owed_step(participant),
-        (
+def death(state: RunState, participant: ParticipantState) -> RunFailure:
+    """Return the failure of a participant whose process has ended (P10.4), or that we have ended.
+
+    One that read nothing any more was killed; one that shares our thread kept it too long.
+    """
+    process, is_ready = participant.process, participant.phase == Phase.READY
+    kind: type[RunFailure] = StepTimeout if is_ready else StartFailed
+    prints = participant.where_it_prints()
+    if participant.took_nothing:
+        reached("a participant reads nothing")
+        kind = StepTimeout
+        what = (
             f"has read no messages for {participant.limit_s('step'):g} s while they queued "
             f"up; deadline {participant.limit('step')}"
-        ),
-    )
-
-
-def kept_thread(state: RunState, participant: ParticipantState) -> RunFailure:
-    """Return the failure of a participant that kept the thread it shares past its deadline."""
-    is_ready = participant.phase == Phase.READY
-    return state.failure(
-        StepTimeout if is_ready else StartFailed,
-        participant,
-        state.owed_step(participant),
-        f"has been {participant.process.late}; deadline "
-        f"{participant.limit('step' if is_ready else 'ready')}; "
-        f"{participant.where_it_prints()}",
-    )
-
-
-def death(state: RunState, participant: ParticipantState) -> RunFailure:
-    """Return the failure of a participant whose process has ended (P10.4)."""
-    reached("a process has ended before the run")
-    process = participant.process
-    output = process.last_output()
-    words = f'; its last output: "{output}"' if output else ""
-    return state.failure(
-        ParticipantDied if participant.phase == Phase.READY else StartFailed,
-        participant,
-        state.owed_step(participant),
-        f"{process.how_it_ended()}{words}; {participant.where_it_prints()}",
-    )
+        )
+    elif process.late:
+        deadline = participant.limit("step" if is_ready else "ready")
+        what = f"has been {process.late}; deadline {deadline}; {prints}"
+    else:
+        reached("a process has ended before the run")
+        kind = ParticipantDied if is_ready else StartFailed
+        output = process.last_output()
+        words = f'; its last output: "{output}"' if output else ""
+        what = f"{process.how_it_ended()}{words}; {prints}"
+    return state.failure(kind, participant, state.owed_step(participant), what)

@@ -32,6 +32,7 @@ class ParticipantState:
     in_phase_s, holds_s: how long it has been in its phase, and held the step [s]. ended_s: how long
     its process has ended while closing outputs are awaited [s]. waiting: what it waited for when it
     last sent its log. missed_trigger: whether that was a trigger that had been sent already.
+    took_nothing: whether it was killed since it read nothing, and blocked all others.
     newest: returns the newest step it was seen to publish, with an observer; −1 elsewhere.
     external: its process, where the user starts it. takes_batches: whether its program takes a
     `Batch` from its sources (P7.6). has_left: whether it has left the bus; all that it published
@@ -48,6 +49,7 @@ class ParticipantState:
     ended_s: float = 0.0
     waiting: Waiting | None = None
     missed_trigger: bool = False
+    took_nothing: bool = False
     ready: Ready | None = None
     language: str = ""
     takes_batches: bool = False

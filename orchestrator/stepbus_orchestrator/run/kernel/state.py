@@ -1,6 +1,6 @@
 """The state of a run: its phase, how far it is, when it ends, who takes part."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -66,7 +66,8 @@ class RunState:
     trigger was sent, by the monotonic clock [s]. replaced: those that failed and are replaced by
     their fallback. is_repeating: whether the steps are those of a recording still. is_paused:
     whether the user holds the run. ends_from:
-    participants whose requests to end count from a step on only, with that step. away_s: how long
+    participants whose requests to end count from a step on only, with that step. closing: those
+    that publish closing outputs (P11.3), once the run is over. away_s: how long
     no participant worked, since code of this process did something else [s]. is_check_due,
     is_release_due: whether processes, or the gates, are to be checked at once.
     """
@@ -86,6 +87,7 @@ class RunState:
     is_repeating: bool = False
     is_paused: bool = False
     ends_from: Mapping[str, int] = field(default_factory=dict)
+    closing: Sequence[str] = ()
     away_s: float = 0.0
     is_check_due: bool = False
     is_release_due: bool = False
@@ -168,6 +170,12 @@ class RunState:
             reader.waiting is not None or reader.process.exit_code() is not None
             for reader in self.readers(name)
         )
+
+    def holders(self) -> list[str]:
+        """Return the participants that hold the oldest incomplete step, or the end of the run."""
+        if not self.is_complete:
+            return self.barrier.holders()
+        return [name for name in self.closing if self.barrier.reported[name] < self.last_step]
 
     def readers(self, name: str) -> list[ParticipantState]:
         """Return the participants that read outputs of one."""

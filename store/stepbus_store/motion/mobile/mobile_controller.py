@@ -43,7 +43,6 @@ from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import JointSensor, Measured
 from stepbus_store.motion.parts import Parts
-from stepbus_store.motion.sensed import MonitorSettings
 
 
 class _Ports:
@@ -163,7 +162,7 @@ class MobileController(Participant):
                 stow=stow,
                 scale=Scale(robot, params.tip),
             ),
-            CollisionMonitor(self._monitor) if self._ports.contacts is not None else None,
+            self._monitor if self._ports.contacts is not None else None,
         )
 
     def update(self, step: Step) -> Mapping[str, Message]:
@@ -265,7 +264,7 @@ def _check(arm: Measured, base: BaseState, gripper: GripperState) -> None:
             raise RunError(f"the measurements of {name} are not finite: {list(row)}")
 
 
-def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSettings:
+def _monitor(params: Params, robot: RobotModel, problems: Problems) -> CollisionMonitor:
     links = robot.links
     wheels = tuple(name for name in links if "wheel" in name or "caster" in name)
     ignore = wheels if params.ignore is None else params.ignore
@@ -275,8 +274,8 @@ def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSe
                 problems.add((key,), f"link {name!r} is not in the model{suggest(name, links)}")
     if params.tip in links and not robot.chain(params.tip).size:
         problems.add(("tip",), f"no joint of this controller moves {params.tip!r}")
-    return MonitorSettings(
-        params=params,
+    return CollisionMonitor(
+        params,
         links=frozenset(links),
         base_links=frozenset(name for name in links if not robot.chain(name).size),
         ignore=frozenset(ignore),

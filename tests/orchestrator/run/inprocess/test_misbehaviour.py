@@ -138,6 +138,12 @@ def end_all(folder):
 
 
 @pytest.mark.usefixtures("starts_a_process")
+def test_a_program_with_a_session_of_its_own_keeps_running(tmp_path):
+    done = misbehave(tmp_path, "leave_session", "step", "--in-process")
+    assert (done.code, done.left) == (0, ["sleep 1000"]), done.errors
+
+
+@pytest.mark.usefixtures("starts_a_process")
 @pytest.mark.parametrize(("kind", "moment"), CASES)
 def test_the_run_ends_with_the_right_word_and_leaves_nothing(tmp_path, kind, moment):
     done = misbehave(tmp_path, kind, moment, "--in-process")

@@ -16,10 +16,10 @@ from stepbus_orchestrator.run.kernel.state import RunState, at
 from stepbus_schemas import Waiting
 
 
-def started(*reports, **options):
+def started(*reports, closing=(), **options):
     """Return the state of a run of plant, mission and controller after some reports."""
     of = scenario(**options)
-    state = RunState(of, participants=states(of))
+    state = RunState(of, participants=states(of), closing=closing)
     for name, step in reports:
         state.barrier.report(name, step)
     return state
@@ -135,33 +135,35 @@ def test_the_owed_step_is_what_others_wait_for_where_the_log_lags_behind():
 
 
 def test_closing_outputs_have_the_stop_deadline():
-    state = started(steps=0)
-    check_closing(state, ["plant"], 3.0)
+    state = started(steps=0, closing=["plant"])
+    check_closing(state, 3.0)
     with pytest.raises(StepTimeout, match=r"plant .* has not published its closing outputs"):
-        check_closing(state, ["plant"], 0.1)
+        check_closing(state, 0.1)
 
 
-def test_one_that_dies_while_closing_is_reported_as_dead():
-    state = started(steps=0)
-    state.participants["plant"].process.code = 3
-    with pytest.raises(ParticipantDied, match="exited with code 3"):
-        check_closing(state, ["plant"], LAST_WORDS_S)
+@pytest.mark.parametrize(
+    ("code", "took_nothing", "elapsed_s", "failure", "sentence"),
+    [
+        (3, False, LAST_WORDS_S, ParticipantDied, "exited with code 3"),
+        (0, False, 3.1, ParticipantDied, "exited with code 0"),
+        (-9, True, LAST_WORDS_S, StepTimeout, "has read no messages for 3 s while they queued up"),
+    ],
+)
+def test_an_end_before_closing_outputs_is_named(code, took_nothing, elapsed_s, failure, sentence):
+    state = started(steps=0, closing=["plant"])
+    plant = state.participants["plant"]
+    plant.process.code, plant.took_nothing = code, took_nothing
+    with pytest.raises(failure, match=rf"step 0 .*: plant \(pid 7\) {sentence}"):
+        check_closing(state, elapsed_s)
 
 
 def test_the_last_outputs_of_one_that_has_ended_may_still_be_on_their_way():
-    state = started(steps=0)
+    state = started(steps=0, closing=["plant"])
     state.participants["plant"].process.code = 0
     for _ in range(11):
-        check_closing(state, ["plant"], 0.25)
+        check_closing(state, 0.25)
     assert state.barrier.report("plant", 0)
-    check_closing(state, ["plant"], 0.25)
-
-
-def test_closing_outputs_that_never_come_are_missed_though_their_process_ended_well():
-    state = started(steps=0)
-    state.participants["plant"].process.code = 0
-    with pytest.raises(ParticipantDied, match="exited with code 0"):
-        check_closing(state, {"plant": 2}, 3.1)
+    check_closing(state, 0.25)
 
 
 def test_announced_bulk_content_has_the_stop_deadline_of_its_publisher():

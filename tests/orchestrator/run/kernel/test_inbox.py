@@ -30,11 +30,7 @@ def test_the_last_of_those_awaited_wakes_the_thread():
     assert case.is_awake
     case.inbox.receive(0.0)
     assert case.taken == ["a0", "c0", "b0"]
-
-
-def test_anybody_wakes_the_thread_where_nobody_is_awaited():
-    case = Case()
-    case.sinks["c"]("c0")
+    case.sinks["c"]("c1")
     assert case.is_awake
 
 

@@ -10,7 +10,7 @@ from msgspec import structs
 from support.runs.kernel import MISSION, PLANT, RunInMemory, participant, scenario
 from support.surroundings import comes_true
 
-from stepbus_orchestrator.errors import Interrupted, ParticipantDied
+from stepbus_orchestrator.errors import Interrupted, ParticipantDied, StepTimeout, StopTimeout
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.safe_stop import SafeStop
 from stepbus_orchestrator.scenario.model import HoldSpec
@@ -24,6 +24,7 @@ def test_a_run_starts_steps_closes_and_shuts_down():
     assert run.run() == "finished"
     assert " → ".join(run.phases) == "start-up → stepping → closing → shutdown"
     assert run.sink.text == TWO_STEPS
+    assert (run.sink.ends, run.loop.is_recorded) == (["finish"], True)
 
 
 @pytest.mark.parametrize("window", [1, 2, 64])
@@ -41,11 +42,29 @@ def test_a_window_of_three_is_three_steps_ahead_of_the_barrier():
     assert all(later - earlier <= 3 for earlier, later in pairwise(run.bus.triggers))
 
 
-def test_the_stop_names_the_last_step_so_that_closing_outputs_come():
-    run = RunInMemory(scenario(steps=5))
-    run.run()
-    assert run.bus.stops == [5]
-    assert run.sink.text.endswith("controller@4 plant@5")
+def test_a_stop_that_is_lost_comes_again():
+    run = RunInMemory(scenario(steps=2))
+    run.bus.lost_stops = 2
+    assert run.run() == "finished"
+    assert (run.bus.stops, run.sink.text) == ([2], TWO_STEPS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("deaf", "failure", "sentence"),
+    [
+        ("plant", StepTimeout, r"step 2 .*: plant \(pid 7\) has read no messages for 0\.2 s"),
+        ("mission", StopTimeout, r"mission \(pid 7\) read no messages for 0\.2 s .* killed"),
+    ],
+)
+def test_one_that_takes_no_stop_is_killed_and_named(deaf, failure, sentence):
+    members = (structs.replace(one, step_timeout_ns=2 * 10**8) for one in scenario().participants)
+    run = RunInMemory(scenario(*members, steps=2))
+    run.bus.deaf, run.bus.processes[deaf].stopped = deaf, deaf == "mission"
+    with pytest.raises(failure, match=sentence) as caught:
+        run.run()
+    assert caught.value.participant == deaf
+    assert [name for name, one in run.bus.processes.items() if one.signals] == [deaf]
 
 
 def test_a_run_of_no_steps_records_closing_outputs_only():
@@ -60,7 +79,7 @@ def test_a_failure_goes_straight_to_shutdown_and_stops_everybody_at_once():
         run.run()
     assert " → ".join(run.phases) == "start-up → stepping → shutdown"
     assert run.bus.stops == [-1]
-    assert run.sink.ends == []
+    assert (run.sink.ends, run.loop.is_recorded) == ([], False)
 
 
 @pytest.mark.slow
@@ -72,15 +91,6 @@ def test_a_participant_with_a_fallback_is_replaced_until_the_safe_stop():
     assert " → ".join(run.phases) == "start-up → stepping → fallback → closing → shutdown"
     assert run.sink.ends == ["on_fault", "finish"]
     assert run.sink.text.endswith("plant@4 mission@4 controller@4 plant@5")
-
-
-def test_the_recording_is_finished_exactly_once_and_only_where_the_run_got_there():
-    finished, failed = RunInMemory(scenario()), RunInMemory(scenario(), dies=("plant", 2))
-    finished.run()
-    with pytest.raises(ParticipantDied):
-        failed.run()
-    assert (finished.sink.ends, finished.loop.is_recorded) == (["finish"], True)
-    assert (failed.sink.ends, failed.loop.is_recorded) == ([], False)
 
 
 def test_an_interrupt_ends_the_run_at_its_next_turn():

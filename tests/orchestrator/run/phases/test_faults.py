@@ -173,39 +173,33 @@ def test_a_participant_can_end_the_run_and_everybody_finishes_that_step(tmp_path
 STOPS = "import os; os.kill(os.getpid(), 19)"
 
 
+STOPPED = r"a signal or a debugger has stopped it"
+KEPT = {
+    "stopped": ("[python, -c, 'STOPS']", f"has not reached the bus; {STOPPED}"),
+    "stopped shell": ("[sh, -c, 'kill -STOP $$']", rf"{STOPPED}; `kill -CONT -\d+`"),
+    "stopped child": ("[sh, -c, 'python3 -c \"STOPS\"; true']", f"not reached the bus; {STOPPED}"),
+    "busy": (
+        "[python, -c, 'while True: pass']",
+        r"bus; it has computed for \d+\.\d s; what does it",
+    ),
+    "asleep": (
+        "[sleep, '1000']",
+        r"the bus; does its program take part with stepbus\? It had 2 s [(]participants",
+    ),
+    "reads stdin": (
+        "[python, -c, 'input()']",
+        r'code 1; its last output: ".*EOFError: EOF when reading a line"',
+    ),
+}
+QUICK = ("stopped child", "reads stdin")
+
+
 @pytest.mark.parametrize(
     ("program", "sentence"),
     [
-        pytest.param(
-            "[python, -c, 'STOPS']",
-            r"has not reached the bus; a signal or a debugger has stopped it",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "[sh, -c, 'kill -STOP $$']",
-            r"a signal or a debugger has stopped it; `kill -CONT -\d+`",
-            marks=pytest.mark.slow,
-        ),
-        (
-            "[sh, -c, 'python3 -c \"STOPS\"; true']",
-            r"not reached the bus; a signal or a debugger has stopped it",
-        ),
-        pytest.param(
-            "[python, -c, 'while True: pass']",
-            r"bus; it has computed for \d+\.\d s; what does it",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "[sleep, '1000']",
-            r"the bus; does its program take part with stepbus\? It had 2 s [(]participants",
-            marks=pytest.mark.slow,
-        ),
-        (
-            "[python, -c, 'input()']",
-            r'code 1; its last output: ".*EOFError: EOF when reading a line"',
-        ),
+        pytest.param(*row, id=name, marks=() if name in QUICK else pytest.mark.slow)
+        for name, row in KEPT.items()
     ],
-    ids=["stopped", "stopped shell", "stopped child", "busy", "asleep", "reads stdin"],
 )
 def test_what_keeps_a_program_from_the_bus_is_named(tmp_path, program, sentence):
     program = program.replace("STOPS", STOPS)

@@ -273,3 +273,12 @@ def test_a_ticket_replaces_nothing_else(tmp_path):
     assert result.exit_code == ExitCode.START
     assert "it exists, perhaps as the ticket of another run" in result.reason
     assert kept.read_text() == "print('mine')"
+
+
+@pytest.mark.parametrize(
+    ("settings", "spawn_s"), [((), 120.0), (("controller.spawn_timeout=5s",), 5.0)]
+)
+def test_a_participant_with_a_ticket_is_external_and_has_its_own_time_to_come(settings, spawn_s):
+    tickets = External({"controller": Path(TICKET)})
+    spec = tickets.prepare(load("two_link", settings)).participant("controller")
+    assert (spec.is_external, spec.deadlines.spawn_s) == (True, spawn_s)

@@ -63,24 +63,22 @@ def test_a_setting_that_cannot_be_is_named(tmp_path, setting, message):
 CLASS = "from stepbus import Participant\nclass Other(Participant): pass\n"
 
 
-def test_a_file_in_a_setting_of_the_command_line_is_the_one_of_the_current_folder(
-    tmp_path, monkeypatch
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        *((name, "../here/same.py") for name in ("same.py", "./same.py", "../here/same.py")),
+        ("other.py", "other.py"),
+    ],
+)
+def test_a_file_in_a_setting_is_that_of_the_current_folder_or_else_of_the_scenario(
+    tmp_path, monkeypatch, given, expected
 ):
-    for name in ("here/other.py", "arm/other.py"):
+    for name in ("here/same.py", "arm/same.py", "arm/other.py"):
         write(tmp_path, CLASS, name)
     monkeypatch.chdir(tmp_path / "here")
-    for given in ("other.py", "./other.py", "../here/other.py", f"{tmp_path}/here/other.py"):
-        setting = named_from_here(f"controller.participant={given}:Other")
-        spec = load_text(tmp_path / "arm", TWO_LINK, setting).participant("controller")
-        assert spec.participant == "../here/other.py:Other"
-
-
-def test_a_name_that_is_no_file_of_the_current_folder_is_one_of_the_scenario(tmp_path, monkeypatch):
-    write(tmp_path, CLASS, "arm/other.py")
-    monkeypatch.chdir(tmp_path)
-    setting = named_from_here("controller.participant=other.py:Other")
+    setting = named_from_here(f"controller.participant={given}:Other")
     spec = load_text(tmp_path / "arm", TWO_LINK, setting).participant("controller")
-    assert spec.participant == "other.py:Other"
+    assert spec.participant == f"{expected}:Other"
 
 
 @pytest.mark.parametrize("text", ["a=1", "a", "a=two_link", "a=[1,", "a=sine # no file", "a=0.5"])

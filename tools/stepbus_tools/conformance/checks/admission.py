@@ -144,7 +144,7 @@ def _wrong_replies(kit: Kit) -> str:
             harness.drop_queries,
         )
         harness.await_ready()
-    return "joined, with garbage and a Refusal before the Welcome, and one behind"
+    return "joined, with garbage and a Refusal before the Welcome, and one after"
 
 
 def _not_let_in(name: str, what: str, setup: Setup) -> Check:

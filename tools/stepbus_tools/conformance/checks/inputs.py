@@ -167,7 +167,7 @@ def _nothing_due(kit: Kit) -> str:
         every={name: 3 * kit.every(name) for name in kit.feed},
         delays={name: max(1, item.delay) for name, item in kit.spec.inputs.items()},
     )
-    # One that publishes first reads behind it: its next step shows that it has read.
+    # One that publishes first reads after it: its next step shows that it has read.
     step = kit.spec.every if kit.spec.publishes == "first" else 0
     with kit.running(setup=setup) as harness:
         harness.release(step + 1)

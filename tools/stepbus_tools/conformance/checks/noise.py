@@ -69,7 +69,7 @@ def _outputs(harness: Harness, source: str, step: int, token: str | None = None)
 
 @check("P8.1", "bytes without the token change nothing", inputs=True)
 def _garbage(kit: Kit) -> str:
-    """Send bytes that are no map with the token; also right ones cut off, or with more behind."""
+    """Send bytes that are no map with the token; also maps cut off or with bytes after them."""
     pieces = _pieces()
 
     def make(harness: Harness, source: str, step: int) -> bytes | None:

@@ -165,6 +165,6 @@ class Rate:
         """Return whether a message at a time is due."""
         if t_ns < self._due.get(topic, 0):
             return False
-        # On a grid: a message that is a little late does not delay the ones behind it.
+        # On a grid: a message that is a little late does not delay the ones after it.
         self._due[topic] = (t_ns // self._period_ns + 1) * self._period_ns
         return True

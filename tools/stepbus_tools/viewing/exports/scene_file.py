@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import StepbusError
 from stepbus_tools.report.summary import scenario_name
@@ -14,7 +13,7 @@ from stepbus_tools.viewing.door import branded, open_page
 from stepbus_tools.viewing.exports.exporter import Exported, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.rasteriser import Painter, Pixels
-from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.build import drawn_scene
 from stepbus_tools.viewing.stage.stage import Stage, add_floor
 from stepbus_tools.viewing.viewpoint import framed, swept
 from stepbus_tools.whole_file import replaced
@@ -38,11 +37,8 @@ def scene_html(recording: Recording, reached: Reached) -> tuple[str, Sequence[st
 
     Raises RecordingFailed where there is no scene.
     """
-    scene, history = build_scene(recording), History(recording)
+    scene, history = drawn_scene(recording), History(recording)
     last = history.last_step
-    if last < 0 or not scene.has_looks:
-        why = "it has no messages" if last < 0 else scene.notes[-1]
-        raise RecordingFailed(f"{recording.path} has no scene to show: {why}")
     # Thirty a second, fewer of a long recording.
     count = min(_MOST_FRAMES, round(history.end_ns * 1e-9 * _FRAMES_PER_S), last)
     times = history.times(max(1, count))
@@ -75,10 +71,8 @@ _SIZE = (720, 480)
 def scene_at_end(recording: Recording) -> Pixels | None:
     """Return what a recording shows at its end, shape (480, 720, 4); None without a scene."""
     try:
-        scene, history = build_scene(recording), History(recording)
+        scene, history = drawn_scene(recording), History(recording)
     except (StepbusError, OSError, ValueError):
-        return None
-    if history.last_step < 0 or not scene.has_looks:
         return None
     messages = history.at(scene.topics, history.end_ns)
     painter = Painter(scene, _SIZE, smooth=True)

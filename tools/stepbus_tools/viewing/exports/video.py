@@ -21,7 +21,7 @@ from stepbus_tools.theme import PAPER
 from stepbus_tools.viewing.exports.exporter import NS, Exported, Rate, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.rasteriser import Painter, Pixels, pixels_of
-from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.build import drawn_scene
 from stepbus_tools.viewing.viewpoint import parse_viewpoint, swept
 from stepbus_tools.whole_file import replaced
 
@@ -181,11 +181,7 @@ def _sized(pixels: Pixels, size: tuple[int, int] | None) -> Pixels:
 
 
 def _drawn(history: History, viewpoint: str, plan: _Plan) -> Iterator[Shot]:
-    recording = history.recording
-    scene = build_scene(recording)
-    if history.last_step < 0 or not scene.has_looks:
-        why = scene.notes[-1] if scene.notes else "it has no messages"
-        raise RecordingFailed(f"{recording.path} has no scene to show: {why}")
+    scene = drawn_scene(history.recording)
     width, height = plan.size or _SIZE
     shown = swept(scene, history, plan.start_ns, plan.end_ns)
     view = parse_viewpoint(viewpoint, shown.box, width / height, shown.fixed)

@@ -30,7 +30,7 @@ class Curves:
         self.marks = [mark for run in runs for mark in run.marks]
         last = max(run.end_s for run in runs)
         marked = max((mark.t for mark in self.marks if mark.level != "info"), default=0.0)
-        # What ended a run comes a step behind its last message.
+        # What ended a run comes a step after its last message.
         self.end_s = max(last, _PAST * marked if _PAST * marked > last else 0.0)
 
     def data(self) -> Mapping[str, Any]:

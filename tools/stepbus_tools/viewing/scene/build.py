@@ -47,6 +47,15 @@ def build_scene(source: Recording | Tail) -> Scene:
     return _Builder(origin, source.ports).build()
 
 
+def drawn_scene(recording: Recording) -> Scene:
+    """Return the scene of a recording; raises RecordingFailed where there is nothing to draw."""
+    scene, is_empty = build_scene(recording), recording.last_whole_step < 0
+    if is_empty or not scene.has_looks:
+        why = "it has no messages" if is_empty else scene.notes[-1]
+        raise RecordingFailed(f"{recording.path} has no scene to show: {why}")
+    return scene
+
+
 @dataclass(frozen=True)
 class _Link:
     """A link in descriptions of poses. ports: topic → its number there."""

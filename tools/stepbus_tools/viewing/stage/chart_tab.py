@@ -23,7 +23,7 @@ _LAST = 1000.0
 Data = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Times, shape (T,) [s], and values, shape (T, n). Times up to 0 count back from now.
 
-A second recording has its values behind those of the first, shape (T, 2 n).
+A second recording has its values after those of the first, shape (T, 2 n).
 """
 _FAILURE, _PAST = "failure", 0.02
 """The end of a run that failed is a line, which the axis goes past by so much of its length."""

@@ -1,4 +1,4 @@
-"""What can be done with a recording: run it again, branch it, replay it; nothing goes wrong."""
+"""What follows a simulated run: its recording is rerun, branched or replayed, without faults."""
 
 import dataclasses
 import sys
@@ -24,24 +24,24 @@ from .host import SimulatedHost
 from .tape import Knobs, Tape
 
 
-class Again(Execution):
-    """Does something with a recording of a tape. problem: what is not as it has to be.
+class FollowUp(Execution):
+    """Reruns, branches or replays the recording of an execution, as `then` of its tape says.
 
-    complete: how many of its steps are complete. new: the recording that it makes; None where it
-    makes none. difference: between the two.
+    complete: number of its complete steps. problem: why it failed; empty: it did not. new: the
+    recording that it makes; None where it makes none. difference: between the two.
     """
 
     writes_files = True
     """The scenario and its files are unpacked from the recording."""
 
-    def __init__(self, tape: Tape, recording: Path, out: Path, complete: int) -> None:
+    def __init__(self, execution: Execution, complete: int) -> None:
+        tape, out = execution.tape, execution.out.with_name("follow_up")
         super().__init__(Tape(tape.scenario, tape.steps, Knobs()), out)
-        self.problem = ""
+        self.problem = self.difference = ""
         self.new: Path | None = None
-        self.difference = ""
-        self._recording = recording
+        self._recording = execution.out / "run.mcap"
         self._complete = complete
-        self._do = AGAIN[tape.then]
+        self._do = FOLLOW_UPS[tape.then]
 
     def _orchestrate(self) -> int:
         try:
@@ -66,7 +66,7 @@ class Again(Execution):
     def branch_late(self) -> str:
         """Go on from the newest step of any participant.
 
-        That is an error where others lack it, or where it is behind the end that one asks for.
+        That is an error where others lack it, or where the branch would end before it.
         """
         try:
             at = recorded_end(Recording(self._recording))
@@ -88,23 +88,23 @@ class Again(Execution):
         result = replay(self._recording, name, recorded=True)
         return "" if result.equal else f"{name} is not what was recorded: {result.divergence}"
 
-    def _unlike(self, again: Repeated) -> str:
-        self.new = again.result.recording
-        if again.result.exit_code:
-            return again.result.reason
-        found = again.diff()
+    def _unlike(self, repeated: Repeated) -> str:
+        self.new = repeated.result.recording
+        if repeated.result.exit_code:
+            return repeated.result.reason
+        found = repeated.diff()
         self.difference = "" if found.equal else found.text()
         return ""
 
 
-AGAIN: dict[str, Callable[[Again], str]] = {
-    "rerun": Again.rerun,
-    "branch": Again.branch,
-    "branch late": Again.branch_late,
-    "replay plant": lambda again: again.replay("plant"),
-    "replay controller": lambda again: again.replay("controller"),
+FOLLOW_UPS: dict[str, Callable[[FollowUp], str]] = {
+    "rerun": FollowUp.rerun,
+    "branch": FollowUp.branch,
+    "branch late": FollowUp.branch_late,
+    "replay plant": lambda follow_up: follow_up.replay("plant"),
+    "replay controller": lambda follow_up: follow_up.replay("controller"),
 }
-"""Name in a tape → what is done; it returns what is wrong, if anything."""
+"""Name in a tape → its function, which returns the problem; empty: there is none."""
 
 
 @contextmanager

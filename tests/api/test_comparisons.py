@@ -14,7 +14,7 @@ JOINT = "plant.joint_state.position.joint1"
 
 
 def run(tmp_path_factory, name, **values):
-    out = tmp_path_factory.mktemp("figures") / name
+    out = tmp_path_factory.mktemp("comparisons") / name
     return stepbus.run("two_link", set={"duration": "1s", **values}, out=out, in_process=True)
 
 

@@ -1,4 +1,4 @@
-"""Recordings as numbers: a table for pandas, a comparison aligned by time, the metrics of a run."""
+"""Recordings as tables for pandas, and compared number by number, aligned by time."""
 
 from __future__ import annotations
 
@@ -13,51 +13,13 @@ from numpy.typing import NDArray
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.result import Result
 from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.signals import Array
-from stepbus_tools.sweep.sweep_metrics import UNITS, builtin_metrics
 
 from .columns import NUMBERS, Cells, Column, ColumnType, Table, readable
 
 MaskedArray = np.ma.MaskedArray[Any, Any]
-
-
-class Metrics(dict[str, float]):
-    """The metrics of a run by name, as in a sweep. units: units of those that have one."""
-
-    def __init__(self, values: Mapping[str, float], units: Mapping[str, str]) -> None:
-        super().__init__(values)
-        self.units = dict(units)
-
-    def __repr__(self) -> str:
-        """Return every metric with its unit, in a line."""
-        rows = (f"{name} {value:.4g} {self.units.get(name, '')}" for name, value in self.items())
-        return f"<Metrics {', '.join(map(str.rstrip, rows))}>"
-
-
-def result_metrics(result: Result) -> Metrics:
-    """Return what a sweep measures of a run, without what this run has nothing to measure by.
-
-    Raises RecordingFailed when its recording cannot be read.
-    """
-    with Recording(result) as recording:
-        measured = builtin_metrics(result, recording)
-        kinds = {
-            joint: kind
-            for port in recording.of_type("JointState/1")
-            # There are none where the plant gives none.
-            for joint, kind in zip(
-                port.names, port.description.details.get("type", ()), strict=False
-            )
-        }
-    values = {name: value for name, value in measured.items() if isinstance(value, int | float)}
-    joints = [name for name in values if name.startswith("rmse.")]
-    units = {name: "m" if kinds.get(name[5:]) == "prismatic" else "rad" for name in joints}
-    if joints:
-        units["rmse"] = ", ".join(sorted(set(units.values()), reverse=True))
-    return Metrics(values, {name: unit for name, unit in UNITS.items() if name in values} | units)
 
 
 def recording_frame(recording: Recording, signals: Sequence[str]) -> Any:
