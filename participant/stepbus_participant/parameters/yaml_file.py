@@ -8,6 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
@@ -23,6 +24,7 @@ _OTHERS = ("bool", "float", "int")
 _MOST_CHARACTERS, _MOST_VALUES = 1_000_000, 50_000
 """Aliases of aliases can stand for billions of values in a few lines."""
 _TOO_LARGE = f"has more than {_MOST_CHARACTERS} characters or {_MOST_VALUES} values"
+_newest: list[tuple[str, Any]] = [("", None)]
 _HINT = "check the indentation, brackets and quotes"
 
 
@@ -71,8 +73,16 @@ def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
     return YamlFile(file=file, data=deepcopy(data), places=conversion.places, own_problems=problems)
 
 
+def remember(text: str, value: Any) -> None:
+    """Note the value of the YAML that this process has just written: its readers need no parser."""
+    _newest[0] = text, msgspec.to_builtins(value)
+
+
 def parse_yaml(file: str, text: str) -> Any:
     """Return a YAML value; raises SettingsError when it is none. file: named in messages."""
+    newest, value = _newest[0]
+    if text == newest:
+        return deepcopy(value)
     try:
         conversion, value = _converted(file, text)
         Problems(problems=conversion.problems).refuse()

@@ -71,12 +71,10 @@ def measure(recording):
 
 def test_a_metric_that_is_no_finite_number_is_absent_and_says_so(tmp_path):
     (tmp_path / "my.py").write_text(METRIC)
-    options = {"vary": ["seed=1,2"], "set": ["duration=50ms"]}
-    options["metrics"] = [f"{tmp_path}/my.py:measure"]
-    planned = plan("two_link", options)
+    metrics = [f"{tmp_path}/my.py:measure"]
+    planned = plan("two_link", {"vary": ["seed=1,2"], "set": ["duration=50ms"], "metrics": metrics})
     bundle = collect(planned.variants, planned.spec.metrics)
     trials = Trials(bundle, tmp_path / "trials", keep="none", home=None)
-    data, _ = trials.run(planned.design[0], 0.0)
-    row = msgspec.json.decode(data, type=ResultRow)
+    row = msgspec.json.decode(trials.run(planned.design[0], 0.0)[0], type=ResultRow)
     assert [row.metrics[name] for name in ("far", "odd", "near")] == [None, None, 0.5]
     assert row.metric_error == "far is inf; odd is nan"
