@@ -18,6 +18,7 @@ from functools import partial
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
+from pkgutil import resolve_name
 
 from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_orchestrator.run.inprocess import heartbeat
@@ -26,7 +27,6 @@ from stepbus_participant import is_ours
 from stepbus_schemas import error_text
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.pool import PoolOptions
-from stepbus_tools.sweep.row_run import plot_run
 from stepbus_tools.sweep.trial import Trials
 
 _PR_SET_PDEATHSIG = 1
@@ -98,13 +98,15 @@ def _prepare(modules: list[str]) -> None:
         with contextlib.suppress(Exception):
             getattr(import_module(name), "prepare", int)()
     # A child that changes the count of references to something copies its page.
+    gc.collect()
     gc.freeze()
 
 
 def _result(trials: Trials, options: PoolOptions, number: int, task: Point | Path) -> _Result:
     """Run a point, or make a run again for its picture."""
     if isinstance(task, Path):
-        plot_run(options.home, number, task, None)
+        # Only here: the process that is forked is smaller without what pictures need.
+        resolve_name("stepbus_tools.sweep.row_run:plot_run")(options.home, number, task, None)
         return b"", "", []
     before = set(sys.modules)
     row, _ = trials.run(task, options.timeout_s)
