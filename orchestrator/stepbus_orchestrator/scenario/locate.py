@@ -28,7 +28,7 @@ def locate(name: str | Path) -> Path:
 def locate_from(name: str, folder: Path) -> Path | None:
     """Return the file of a scenario as `locate` does, relative to a folder; None: there is none."""
     paths = (folder / name, folder / name / MAIN_FILE)
-    return next((path for path in paths if is_file(path)), _builtin_files().get(name))
+    return next(filter(is_file, paths), None) or _builtin_files().get(name)
 
 
 def package_url(file: Path) -> str | None:

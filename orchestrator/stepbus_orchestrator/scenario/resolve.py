@@ -11,6 +11,7 @@ from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.representer import SafeRepresenter
 
 from stepbus_participant import format_duration
+from stepbus_participant.parameters import remember
 
 from .fault_texts import format_fault
 from .model import BridgeSpec, HoldSpec, ParticipantSpec, Scenario
@@ -49,9 +50,10 @@ def resolved(scenario: Scenario) -> str:
     yaml.width = sys.maxsize
     # The order of maps is part of a scenario: participants that could go first go in that order.
     yaml.representer.sort_base_mapping_type_on_output = False
-    text = io.StringIO()
-    yaml.dump(_scenario(scenario), text)
-    return text.getvalue()
+    stream, content = io.StringIO(), _scenario(scenario)
+    yaml.dump(content, stream)
+    remember(text := stream.getvalue(), content)
+    return text
 
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:

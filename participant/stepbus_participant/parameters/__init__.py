@@ -16,6 +16,6 @@ from .types_file import *
 if TYPE_CHECKING:
     from .yaml_file import *
 
-_LATER = dict.fromkeys(("YamlFile", "fatal", "parse_yaml", "read_yaml"), "yaml_file")
+_LATER = dict.fromkeys(("YamlFile", "fatal", "parse_yaml", "read_yaml", "remember"), "yaml_file")
 
 __getattr__ = imported_later(__name__, _LATER)

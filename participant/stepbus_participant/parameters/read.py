@@ -100,11 +100,7 @@ def is_settings(kind: Any) -> bool:
 def fields_of(settings: type[Any]) -> dict[str, structs.FieldInfo]:
     """Return key → field, without the field that collects the keys of a class of the user's."""
     fields = {field.encode_name: field for field in structs.fields(settings)}
-    return {key: field for key, field in fields.items() if not _collects(field)}
-
-
-def _collects(field: structs.FieldInfo) -> bool:
-    return "own" in unmarked(field.type)[1]
+    return {key: field for key, field in fields.items() if "own" not in unmarked(field.type)[1]}
 
 
 def default_of(field: structs.FieldInfo) -> Any:
@@ -196,7 +192,7 @@ class _Reader:
         for key, field in fields_of(kind).items():
             at = keys if key == short else (*keys, key)
             values[field.name] = self._field(field, given.pop(key, None), keys, at)
-        own = next((field.name for field in structs.fields(kind) if _collects(field)), "")
+        own = next((key for key in kind.__struct_encode_fields__ if key not in fields_of(kind)), "")
         if own and (":" in word or not kinds):
             values[own], given = given, {}
         for key in given:

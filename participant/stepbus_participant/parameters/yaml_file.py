@@ -2,10 +2,13 @@
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
@@ -21,6 +24,7 @@ _OTHERS = ("bool", "float", "int")
 _MOST_CHARACTERS, _MOST_VALUES = 1_000_000, 50_000
 """Aliases of aliases can stand for billions of values in a few lines."""
 _TOO_LARGE = f"has more than {_MOST_CHARACTERS} characters or {_MOST_VALUES} values"
+_newest: list[tuple[str, Any]] = [("", None)]
 _HINT = "check the indentation, brackets and quotes"
 
 
@@ -61,33 +65,45 @@ def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
         raise fatal(file, f"cannot be read: {exc.strerror} ({path})") from exc
     except UnicodeDecodeError as exc:
         raise fatal(file, f"is not UTF-8 text (byte {exc.start})") from exc
-    conversion = _Conversion(file)
-    data = conversion.run(text)
+    conversion, data = _converted(file, text)
     if not isinstance(data, dict):
         what = "is empty" if data is None else "is not a map"
         raise fatal(file, f"{what}; {expected}")
-    return YamlFile(
-        file=file, data=data, places=conversion.places, own_problems=tuple(conversion.problems)
-    )
+    problems = tuple(conversion.problems)
+    return YamlFile(file=file, data=deepcopy(data), places=conversion.places, own_problems=problems)
+
+
+def remember(text: str, value: Any) -> None:
+    """Note the value of the YAML that this process has just written: its readers need no parser."""
+    _newest[0] = text, msgspec.to_builtins(value)
 
 
 def parse_yaml(file: str, text: str) -> Any:
     """Return a YAML value; raises SettingsError when it is none. file: named in messages."""
-    conversion = _Conversion(file)
+    newest, value = _newest[0]
+    if text == newest:
+        return deepcopy(value)
     try:
-        value = conversion.run(text)
+        conversion, value = _converted(file, text)
         Problems(problems=conversion.problems).refuse()
     except SettingsError as exc:
         # The command line has no lines.
         raise SettingsError(
             dataclasses.replace(problem, place=Place(file=file)) for problem in exc.problems
         ) from exc
-    return value
+    return deepcopy(value)
 
 
 def fatal(file: str, message: str, line: int = 0) -> SettingsError:
     """Return the error of a file that cannot be read any further."""
     return SettingsError([Problem(place=Place(file=file, line=line), message=message)])
+
+
+@lru_cache(maxsize=64)
+def _converted(file: str, text: str) -> tuple["_Conversion", Any]:
+    """Return a finished conversion and its value, which the runs of a sweep share."""
+    conversion = _Conversion(file)
+    return conversion, conversion.run(text)
 
 
 class _Conversion:

@@ -162,16 +162,13 @@ class Camera(Remembers):
         """
         if t_ns != self._asked_ns:
             self._asked_ns = t_ns
-            if self._takes(t_ns):
+            is_asked, self._is_asked = self._is_asked, False
+            is_due = is_asked if self._is_triggered else t_ns % (self.period_ns or 1) == 0
+            if is_due and self.is_on and not self.is_disabled:
                 self._under_way.append((t_ns + self.latency_ns, self.render(t_ns)))
             is_due = bool(self._under_way) and self._under_way[0][0] == t_ns
             self._shown = self._under_way.popleft()[1] if is_due else None
         return self._shown
-
-    def _takes(self, t_ns: int) -> bool:
-        is_asked, self._is_asked = self._is_asked, False
-        is_due = is_asked if self._is_triggered else t_ns % (self.period_ns or 1) == 0
-        return is_due and self.is_on and not self.is_disabled
 
     def render(self, t_ns: int = 0) -> Rendering:
         """Return the current colour image, and the depth along z [m]; t_ns: of its noise.

@@ -79,7 +79,14 @@ def load_world(
     problems = Problems(above=("params", "stock")) if problems is None else problems
     items = _drawn(source, content, stock, seed=seed, problems=problems)
     fields = {key: getattr(content, key) for key in content.__struct_fields__}
-    fields["bodies"] = {**content.bodies, **{item.name: _body_of(item) for item in items}}
+    bodies = fields["bodies"] = dict(content.bodies)
+    for item in items:
+        bodies[item.name] = Body(
+            urdf=item.urdf,
+            position=item.position,
+            orientation_rpy=(0.0, 0.0, item.yaw),
+            friction=Friction(lateral=item.friction, spinning=item.spinning_friction),
+        )
     return World(**fields, source=source, items={item.name: item for item in items})
 
 
@@ -148,12 +155,3 @@ def _load(name: str, folder: Path) -> type[Stock]:
             "declares participants"
         )
     return load_class(name, folder)
-
-
-def _body_of(item: Item) -> Body:
-    return Body(
-        urdf=item.urdf,
-        position=item.position,
-        orientation_rpy=(0.0, 0.0, item.yaw),
-        friction=Friction(lateral=item.friction, spinning=item.spinning_friction),
-    )

@@ -7,6 +7,7 @@ from support.runs.scenario import TWO_LINK, changed, load_text, wiring, write
 
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.resolve import resolved
+from stepbus_participant.parameters import parse_yaml, read_yaml
 
 RESOLVED = """\
 name: arm
@@ -92,5 +93,7 @@ def test_any_parameter_survives_being_written(tmp_path, value):
     scenario = load_text(tmp_path)
     params = dict(scenario.participant("controller").params)
     scenario.participant("controller").params["kp"] = value
-    again = load(write(tmp_path, resolved(scenario))).participant("controller").params
+    file = write(tmp_path, resolved(scenario))
+    again = load(file).participant("controller").params
     assert repr(again) == repr({**params, "kp": value})
+    assert repr(parse_yaml("", file.read_text("utf-8"))) == repr(read_yaml(file, "").data)

@@ -16,7 +16,7 @@ def numbers(*values, maximize=False):
         else SimpleNamespace(run=n, exit_code=0, metrics={"success": True, "rmse": value})
         for n, value in enumerate(values)
     ]
-    journal = SimpleNamespace(rows=lambda: rows)
+    journal = SimpleNamespace(values=lambda: rows)
     found = extremes(journal, Spec(scenario="two_link", optimize="rmse", maximize=maximize))
     return {name: row.run for name, row in found.items()}
 

@@ -2,6 +2,7 @@
 
 import math
 
+import msgspec
 import pytest
 
 from stepbus_schemas import WiringError
@@ -70,11 +71,10 @@ def measure(recording):
 
 def test_a_metric_that_is_no_finite_number_is_absent_and_says_so(tmp_path):
     (tmp_path / "my.py").write_text(METRIC)
-    options = {"vary": ["seed=1,2"], "set": ["duration=50ms"]}
-    options["metrics"] = [f"{tmp_path}/my.py:measure"]
-    planned = plan("two_link", options)
+    metrics = [f"{tmp_path}/my.py:measure"]
+    planned = plan("two_link", {"vary": ["seed=1,2"], "set": ["duration=50ms"], "metrics": metrics})
     bundle = collect(planned.variants, planned.spec.metrics)
-    with Trials(bundle, keep="none", home=None) as trials:
-        row, _ = trials.run(planned.design[0])
+    trials = Trials(bundle, tmp_path / "trials", keep="none", home=None)
+    row = msgspec.json.decode(trials.run(planned.design[0], 0.0)[0], type=ResultRow)
     assert [row.metrics[name] for name in ("far", "odd", "near")] == [None, None, 0.5]
     assert row.metric_error == "far is inf; odd is nan"

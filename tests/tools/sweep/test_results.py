@@ -30,7 +30,7 @@ def test_rows_are_there_again_and_half_a_line_is_not(tmp_path: Path) -> None:
     with Journal(tmp_path) as journal:
         assert 2 not in journal
         journal.add(row(2))
-        assert [found.run for found in journal.rows()] == [1, 2, 3]
+        assert [found.run for found in journal.values()] == [1, 2, 3]
     with Journal(tmp_path) as journal:
         assert len(journal) == 3
 
@@ -42,8 +42,8 @@ def test_rows_are_read_while_another_thread_writes_some(tmp_path: Path) -> None:
         added += [pool.submit(journal.add, row(number)) for number in range(1, 300)]
         while not all(future.done() for future in added):
             for number in range(len(journal)):
-                assert journal.row(number).run == number
-        assert [found.run for found in journal.rows()] == list(range(300))
+                assert journal[number].run == number
+        assert [found.run for found in journal.values()] == list(range(300))
 
 
 def test_a_damaged_line_is_named(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ with Journal(folder) as journal:
     print((folder / "rows.jsonl").stat().st_size - size)
     resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     journal.add(ResultRow(run=1, **fields))
-    print([found.run for found in journal.rows()])
+    print([found.run for found in journal.values()])
 """
 
 

@@ -1,5 +1,6 @@
 """The commands of the tools."""
 
+import contextlib
 from dataclasses import KW_ONLY
 from importlib import import_module
 from pathlib import Path
@@ -258,3 +259,11 @@ class Sweep(Command, work="sweep", group="many", is_run=True):
     address: str = ""
     """address of a Ray cluster, e.g. auto or HOST:6379"""
     json: Json = False
+
+    def load(self) -> Any:
+        """Start what loads on another core meanwhile, and return the function."""
+        server = import_module("stepbus_tools.sweep.server_process")
+        with contextlib.suppress(OSError):
+            if not self.address:
+                server.early.append(server.start_server())
+        return super().load()

@@ -1,6 +1,7 @@
 """`stepbus sweep`: many runs of one scenario, and one table of them."""
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 
 from stepbus import sweep
 from stepbus_orchestrator.cli.interrupts import interruptible
@@ -11,6 +12,7 @@ from stepbus_participant import parse_duration
 from stepbus_tools.commands.declared import Sweep
 from stepbus_tools.sweep.rows import TABLE_FILE
 from stepbus_tools.sweep.run_sweep import RUNNING, SweepProgress, SweepResult
+from stepbus_tools.sweep.server_process import end_early
 
 
 def sweep_command(given: Sweep) -> Answer:
@@ -19,9 +21,11 @@ def sweep_command(given: Sweep) -> Answer:
     is_json, timeout, jobs = (options.pop(name) for name in ("json", "timeout", "jobs"))
     options |= {"jobs": jobs or 0, "timeout_s": parse_duration(timeout) * 1e-9 if timeout else 0.0}
     with (
+        ExitStack() as stack,
         interruptible(ends=True) as interrupt,
         displayed("sweep", quiet=is_json) as display,
     ):
+        stack.callback(end_early)
         if display is not None:
             options["on_progress"] = lambda progress: display.show(_reached(progress))
         result = sweep(**options, interrupt=interrupt)

@@ -14,7 +14,7 @@ from stepbus_participant import read_file
 from stepbus_schemas import WiringError
 from stepbus_tools.whole_file import replaced
 
-METRICS_FOLDER = "metrics"
+SOURCE_FOLDER, METRICS_FOLDER = "source", "metrics"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,32 +2,26 @@
 
 import contextlib
 import os
-import socket
 import subprocess
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Self
 
-import msgspec
-
 from stepbus_orchestrator.errors import StartFailed
-from stepbus_orchestrator.processes import PYTHON
-from stepbus_orchestrator.scenario.program import PYTHON as INTERPRETER
+from stepbus_participant import need
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle
 from stepbus_tools.sweep.pool import WAIT_S, Answer, PoolOptions, wait_for_start
-from stepbus_tools.sweep.rows import ResultRow
+from stepbus_tools.sweep.server_process import early, start_server
 
-_COMMAND = (*INTERPRETER, "-m", "stepbus_tools.sweep.fork_server")
 _LOAD_S = 120.0
 """How long the fork server may take to load what runs need [s]."""
 _END_S = 10.0
 """How long it may take to end its runs and to remove its folder [s]."""
-_SILENT_S, _LOST_S = 5.0, 30.0
-"""After how long a silent fork server is asked for an answer, and is given up [s]."""
+_LOST_S = 30.0
+"""How long a fork server with runs may be silent [s]."""
 
 
 class LocalWorkers:
@@ -41,29 +35,18 @@ class LocalWorkers:
         self._options = options
         self._interrupt = interrupt
         self._first = bundle, options
-        self._is_asked = False
 
     def __enter__(self) -> Self:
         """Start the fork server."""
-        ours, theirs = socket.socketpair()
-        self._channel = Connection(ours.detach())
-        with theirs:
-            try:
-                self._server = subprocess.Popen(
-                    [*_COMMAND, str(theirs.fileno())],
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                    pass_fds=[theirs.fileno()],
-                    env={**os.environ, **PYTHON},
-                    start_new_session=True,
-                )
-            except OSError as exc:
-                self._channel.close()
-                raise StartFailed(f"could not start a worker: {exc.strerror}") from exc
+        try:
+            self._server, self._channel = early.pop() if early else start_server()
+        except OSError as exc:
+            raise StartFailed(f"could not start a worker: {exc.strerror}") from exc
         with contextlib.ExitStack() as stack:
-            stack.callback(self._end)
+            stack.push(self)
             self._send(self._first)
+            # While it prepares the runs; it is what the table is written with.
+            need("a sweep", "pyarrow.parquet")
             wait_for_start(self._channel.poll, _LOAD_S, self._interrupt)
             if error := self._received():
                 raise StartFailed(f"could not start a worker: {error}")
@@ -71,10 +54,6 @@ class LocalWorkers:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End all runs, and the fork server."""
-        self._end()
-
-    def _end(self) -> None:
         """Close the channel: the fork server ends its runs then, removes its folder, and ends."""
         self._channel.close()
         try:
@@ -90,17 +69,20 @@ class LocalWorkers:
 
     def start(self, point: Point) -> int:
         """Start a run; return its number."""
-        self._send(point)
+        self._send((point.number, point))
         return point.number
 
     def answers(self, _keys: Sequence[int], timeout_s: float) -> Iterator[tuple[int, Answer]]:
         """Yield number and answer of the next run that ends, as of `Workers`."""
-        if not self._channel.poll(timeout_s):
-            self._ask()
-        elif (answer := self._received()) is not None:
-            number, row, error = answer
-            answered = Answer((msgspec.json.decode(row, type=ResultRow), {})) if row else None
-            yield number, answered or Answer(error=error)
+        if self._channel.poll(timeout_s):
+            if (answer := self._received()) is not None:
+                number, row, error = answer
+                yield number, (row, {}, error)
+        elif time.monotonic() - self._heard > _LOST_S:
+            raise StartFailed(
+                f"process {self._server.pid}, which starts the runs, does not answer; is it "
+                "stopped? Run the same command again to resume"
+            )
 
     def plot(self, pictures: Mapping[int, Path], interrupt: threading.Event) -> None:
         """Plot runs in forks, as of `Workers`."""
@@ -110,34 +92,22 @@ class LocalWorkers:
         while left and not interrupt.is_set():
             left -= {number for number, _ in self.answers(list(left), WAIT_S)}
 
-    def _ask(self) -> None:
-        """Ask a silent fork server for an answer; raises StartFailed where none comes."""
-        silent_s = time.monotonic() - self._heard
-        if silent_s > _LOST_S:
-            raise StartFailed(
-                f"process {self._server.pid}, which starts the runs, does not answer; is it "
-                "stopped? Run the same command again to resume"
-            )
-        if silent_s > _SILENT_S and not self._is_asked:
-            self._is_asked = True
-            self._send(None)
-
     def _send(self, message: object) -> None:
-        try:
+        with self._reached():
             self._channel.send(message)
-        except OSError as exc:
-            raise StartFailed(self._ended()) from exc
 
     def _received(self) -> Any:
-        try:
-            answer = self._channel.recv()
-        except (EOFError, OSError) as exc:
-            raise StartFailed(self._ended()) from exc
-        self._heard, self._is_asked = time.monotonic(), False
-        return answer
+        with self._reached():
+            return self._channel.recv()
 
-    def _ended(self) -> str:
-        return (
-            f"process {self._server.pid}, which starts the runs, has ended; run the same command "
-            "again to resume"
-        )
+    @contextlib.contextmanager
+    def _reached(self) -> Iterator[None]:
+        """Raise StartFailed where the fork server has ended."""
+        try:
+            yield
+        except (EOFError, OSError) as exc:
+            raise StartFailed(
+                f"process {self._server.pid}, which starts the runs, has ended; run the same "
+                "command again to resume"
+            ) from exc
+        self._heard = time.monotonic()

@@ -3,8 +3,6 @@
 A point whose process dies is run again; nothing else is lost.
 """
 
-import os
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -20,7 +18,7 @@ from stepbus_orchestrator.errors import ExitCode, Interrupted, StartFailed
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle
 from stepbus_tools.sweep.rows import ResultRow, failed_row
-from stepbus_tools.sweep.trial import Files, Trials
+from stepbus_tools.sweep.trial import Files
 
 WAIT_S = 0.25
 _MOST_DEATHS = 3
@@ -28,9 +26,10 @@ _RETRIED = frozenset(
     (ExitCode.START, ExitCode.DIED, ExitCode.STEP_TIMEOUT, ExitCode.BUS, ExitCode.STOP_TIMEOUT)
 )
 """Failures that a machine can cause; any other would come again."""
-_TIMED_OUT = "timed out"
 Done = tuple[ResultRow, Files]
 """The row of a run, and its files where it stays and comes from a cluster."""
+Answer = tuple[bytes, Files, str]
+"""The same from a process, the row as JSON: empty where it died, and where there is an error."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,17 +47,6 @@ class PoolOptions:
     timeout_s: float = 0.0
     retries: int = 0
     address: str = ""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """Answer of a process to one point.
-
-    done: row and files; None where the process died. error: of a run without a row.
-    """
-
-    done: Done | None = None
-    error: str = ""
 
 
 class Workers(Protocol):
@@ -120,14 +108,6 @@ class _Task:
     deaths: int = 0
     since: float = field(default_factory=time.monotonic)
 
-    def row(self, outcome: str, reason: str, code: ExitCode) -> Done:
-        """Return the row of a run that has no result of its own."""
-        return self.counted(failed_row(self.point, outcome, reason, code)), {}
-
-    def counted(self, row: ResultRow) -> ResultRow:
-        """Return a row with the number of attempts."""
-        return msgspec.structs.replace(row, attempts=self.attempts)
-
 
 def run_points(
     workers: Workers, options: PoolOptions, points: Iterable[Point], is_over: Callable[[], bool]
@@ -151,37 +131,25 @@ def run_points(
             if done is None:
                 start(task)
             else:
-                yield done
+                yield msgspec.structs.replace(done[0], attempts=task.attempts), done[1]
 
 
 def _done(task: _Task, answer: Answer, options: PoolOptions) -> Done | None:
     """Return what became of a task; None if it has to run again."""
-    if answer.error:
-        return task.row("failed", answer.error, ExitCode.INTERNAL)
-    if answer.done is None:
+    data, files, error = answer
+    if error:
+        return failed_row(task.point, "failed", error, ExitCode.INTERNAL), {}
+    if not data:
         limit_s = options.timeout_s
         if limit_s and time.monotonic() - task.since >= limit_s:
             reason = f"it exceeded the limit of {limit_s:g} s"
-            return task.row(_TIMED_OUT, reason, ExitCode.STEP_TIMEOUT)
+            return failed_row(task.point, "timed out", reason, ExitCode.STEP_TIMEOUT), {}
         task.deaths += 1
         if task.deaths < _MOST_DEATHS:
             return None
-        return task.row("died", f"its worker process died {task.deaths} times", ExitCode.DIED)
-    row, files = answer.done
+        reason = f"its worker process died {task.deaths} times"
+        return failed_row(task.point, "died", reason, ExitCode.DIED), {}
+    row = msgspec.json.decode(data, type=ResultRow)
     if row.exit_code in _RETRIED and task.attempts <= options.retries:
         return None
-    return task.counted(row), files
-
-
-def run_point(trials: Trials, point: Point, options: PoolOptions) -> tuple[bytes, Files]:
-    """Run a point in a worker; return its row as JSON, and the files of a run to keep.
-
-    A run that takes longer than `timeout_s` ends the process: the kernel's timer does so even if
-    the run hangs in C.
-    """
-    signal.setitimer(signal.ITIMER_REAL, options.timeout_s)
-    try:
-        row, files = trials.run(point)
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-    return msgspec.json.encode(msgspec.structs.replace(row, where=os.uname().nodename)), files
+    return row, files

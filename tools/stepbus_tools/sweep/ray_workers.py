@@ -7,33 +7,32 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
-import msgspec
-
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes import PYTHON
+from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_participant import need
 from stepbus_schemas import error_text
 from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle
-from stepbus_tools.sweep.pool import Answer, PoolOptions, run_point, wait_for_start
+from stepbus_tools.sweep.pool import Answer, PoolOptions, wait_for_start
 from stepbus_tools.sweep.row_run import plot_run
-from stepbus_tools.sweep.rows import ResultRow
 from stepbus_tools.sweep.trial import Files, Trials
 
 _START_S = 60.0
 
 
 def _run(bundle: Bundle, point: Point, options: PoolOptions) -> tuple[bytes, Files]:
-    """Run a point in a process of Ray, as of `run_point`."""
+    """Run a point in a process of Ray, as of `Trials.run`."""
     # On a cluster, a folder of that name is another folder on another machine.
-    with Trials(bundle, keep=options.keep, home=None) as trials:
-        return run_point(trials, point, options)
+    with scratch_folder("sweep") as folder:
+        trials = Trials(bundle, folder, keep=options.keep, home=None)
+        return trials.run(point, options.timeout_s)
 
 
 def _check(bundle: Bundle) -> None:
     """Load what runs need, in a process of Ray; raises MetricFailed."""
-    with Trials(bundle, keep="none", home=None) as trials:
-        trials.load_metrics()
+    with scratch_folder("sweep") as folder:
+        Trials(bundle, folder, keep="none", home=None).load_metrics()
 
 
 class RayWorkers:
@@ -117,7 +116,7 @@ class RayWorkers:
         try:
             row, files = self._ray.get(reference)
         except errors.RayTaskError as exc:
-            return Answer(error=error_text(exc.cause))
+            return b"", {}, error_text(exc.cause)
         except errors.RayError:
-            return Answer()
-        return Answer((msgspec.json.decode(row, type=ResultRow), files))
+            return b"", {}, ""
+        return row, files, ""

@@ -22,13 +22,12 @@ from stepbus_participant.parameters import read_yaml
 from stepbus_schemas import StepbusError, WiringError
 from stepbus_tools.report.picture import REPORT_FILE
 from stepbus_tools.sweep.axes import Point
+from stepbus_tools.sweep.bundle import SOURCE_FOLDER
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import SPEC_FILE, load_spec, overrides_of
 from stepbus_tools.sweep.trial import quick_host
 from stepbus_tools.viewing.page import RunPage
 from stepbus_tools.whole_file import replaced
-
-SOURCE_FOLDER = "source"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +54,7 @@ class RowRun:
         with Journal(folder) as journal:
             if number not in journal:
                 raise WiringError(f"{folder} has no run {number}; it has {len(journal)} runs")
-            self._row = journal.row(number)
+            self._row = journal[number]
         self.path = folder / SPEC_FILE
         self._source = folder / SOURCE_FOLDER / "scenario"
         files = self._source.rglob(SCENARIO_ATTACHMENT)

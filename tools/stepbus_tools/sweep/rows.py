@@ -7,7 +7,7 @@ what a sweep that was cut off resumes from; a last line that is half written is 
 
 import contextlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -77,8 +77,8 @@ def failed_row(point: Point, outcome: str, reason: str, code: int) -> ResultRow:
 _decode = msgspec.json.Decoder(ResultRow).decode
 
 
-class Journal:
-    """Rows in a file, and in memory.
+class Journal(Mapping[int, ResultRow]):
+    """Number → row of each run that has one, by number; in a file, and in memory.
 
     Raises RecordingFailed where the file cannot be opened, or a row cannot be written: a full disk
     costs that row only.
@@ -114,9 +114,13 @@ class Journal:
         """Close the file."""
         self._file.close()
 
-    def __contains__(self, number: object) -> bool:
-        """Return whether there is a row of a run."""
-        return number in self._rows
+    def __getitem__(self, number: int) -> ResultRow:
+        """Return the row of a run."""
+        return self._rows[number]
+
+    def __iter__(self) -> Iterator[int]:
+        """Yield the numbers in order."""
+        return iter(sorted(self._rows))
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -138,14 +142,6 @@ class Journal:
             ) from exc
         self._take(row, line)
 
-    def row(self, number: int) -> ResultRow:
-        """Return the row of a run."""
-        return self._rows[number]
-
-    def rows(self) -> Iterator[ResultRow]:
-        """Yield all rows by number."""
-        return (self._rows[number] for number in sorted(self._rows))
-
 
 def write_table(journal: Journal, paths: Sequence[str], folder: Path) -> None:
     """Write the tables of all rows so far; no reader sees half of one.
@@ -156,14 +152,14 @@ def write_table(journal: Journal, paths: Sequence[str], folder: Path) -> None:
     Raises RecordingFailed when one cannot be written.
     """
     arrow, parquet = need("a sweep", "pyarrow", "pyarrow.parquet")
-    names = sorted({name for row in journal.rows() for name in row.metrics})
+    names = sorted({name for row in journal.values() for name in row.metrics})
     # An axis may have the name of a column of ours, and a metric that of both.
     ours = ("run", *_FIXED, "metric_error")
     axes = dict(zip(paths, distinct(paths, ours), strict=True))
     taken = {*ours, *axes.values()}
     wanted = [f"metric.{name}" if name in taken else name for name in names]
     metrics = dict(zip(names, distinct(wanted, taken), strict=True))
-    rows = list(journal.rows())
+    rows = list(journal.values())
     columns: dict[str, list[Any]] = {
         "run": [row.run for row in rows],
         **{column: [row.values.get(path) for row in rows] for path, column in axes.items()},

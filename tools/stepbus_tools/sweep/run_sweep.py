@@ -17,10 +17,9 @@ from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.axes import Point
-from stepbus_tools.sweep.bundle import Bundle, collect
+from stepbus_tools.sweep.bundle import SOURCE_FOLDER, Bundle, collect
 from stepbus_tools.sweep.optimize import Optimizer
 from stepbus_tools.sweep.pool import PoolOptions, open_workers, run_points
-from stepbus_tools.sweep.row_run import SOURCE_FOLDER
 from stepbus_tools.sweep.rows import TABLE_FILE, Journal, ResultRow, write_table
 from stepbus_tools.sweep.spec import SPEC_FILE, Plan, differences, load_spec, save_spec
 from stepbus_tools.sweep.sweep_page import PAGE_FILE, extremes, write_page
@@ -164,7 +163,7 @@ class _Sweep:
     def run(self, interrupt: threading.Event) -> SweepResult:
         """Run all points without a row, and write the tables and the page; raises Interrupted."""
         journal = self._journal
-        for row in journal.rows():
+        for row in journal.values():
             self._count(row)
         if self._resumed < self._total:
             self._report("starting workers")
@@ -207,7 +206,7 @@ class _Sweep:
             if interrupt.is_set():
                 return
             if optimizer is not None:
-                optimizer.tell([_checked(self._journal.row(p.number), p) for p in batch])
+                optimizer.tell([_checked(self._journal[p.number], p) for p in batch])
 
     def _pictures(self) -> dict[str, tuple[int, Path]]:
         """Return title → number and picture of the best and the worst run."""

@@ -108,7 +108,7 @@ def plan(scenario: str, options: Mapping[str, Any]) -> Plan:
     if base is not None:
         parsed = [axis and _in_folder(axis, base.folder) for axis in parsed]
     # With a wrong `set`, the axes are still tried on the scenario as it is.
-    if base is not None or (spec.set and _loads(spec.scenario)):
+    if base or (spec.set and Problems().attempt((), partial(load, spec.scenario))):
         overrides = () if base is None else spec.set
         for number, axis in enumerate(parsed):
             if axis is not None:
@@ -197,14 +197,6 @@ def _optimizer_problems(spec: Spec, name: str) -> Iterator[tuple[Keys, str]]:
         known = ", ".join([*BUILTIN, "rmse.JOINT"])
         text = f"{name}: unknown metric (built-in: {known}; your own: --metric FILE:FUNCTION)"
         yield ("optimize",), f"{text}{suggest(name, BUILTIN)}"
-
-
-def _loads(scenario: str) -> bool:
-    try:
-        load(scenario)
-    except ScenarioError:
-        return False
-    return True
 
 
 def _typed(spec: Spec, axis: Axis) -> Axis:

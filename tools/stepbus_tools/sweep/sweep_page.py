@@ -37,8 +37,8 @@ def write_page(
     """
     library, library_style = uplot("the report of a sweep")
     every = math.ceil(len(journal) / _MOST_ROWS) or 1
-    rows = [row for index, row in enumerate(journal.rows()) if index % every == 0]
-    failed = sum(row.exit_code != 0 for row in journal.rows())
+    rows = [row for index, row in enumerate(journal.values()) if index % every == 0]
+    failed = sum(row.exit_code != 0 for row in journal.values())
     part = f" The charts show {len(rows)} of them." if every > 1 else ""
     word = f"{failed} of {len(journal)} failed" if failed else "all finished"
     note = "; the red crosses" if failed else ""
@@ -101,7 +101,7 @@ def extremes(journal: Journal, spec: Spec) -> dict[str, ResultRow]:
     low: tuple[float, ResultRow] | None = None
     high: tuple[float, ResultRow] | None = None
     metric = ""
-    for row in journal.rows():
+    for row in journal.values():
         if row.exit_code:
             continue  # one that does not start has no metrics to choose from
         metric = metric or primary_metric(spec, list(row.metrics))
@@ -132,7 +132,7 @@ def _shown(value: object) -> float | int | str | None:
 def _failures(journal: Journal) -> str:
     """Return the causes of failures, the most frequent first; nothing where no run failed."""
     causes: dict[tuple[str, str], list[int]] = {}
-    for row in journal.rows():
+    for row in journal.values():
         if row.exit_code:
             causes.setdefault((row.outcome, row.reason or row.metric_error), []).append(row.run)
         elif row.metric_error:

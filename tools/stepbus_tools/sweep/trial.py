@@ -2,27 +2,30 @@
 
 import contextlib
 import math
+import os
 import shutil
+import signal
 import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Self
+from pkgutil import resolve_name
 
 import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, RunFailure
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording.layout import CHAIN_TYPE
 from stepbus_orchestrator.run.extension import Host
 from stepbus_orchestrator.run.inprocess.local_run import check_scenario
-from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.result import Result, own_versions
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_participant import make_folder
-from stepbus_schemas import StepbusError, WiringError
+from stepbus_participant import is_ours, make_folder
+from stepbus_schemas import StepbusError, WiringError, json_schema
 from stepbus_tools.sweep.axes import Point
-from stepbus_tools.sweep.bundle import METRICS_FOLDER, Bundle
+from stepbus_tools.sweep.bundle import METRICS_FOLDER, SOURCE_FOLDER, Bundle
 from stepbus_tools.sweep.rows import ResultRow, failed_row
 from stepbus_tools.sweep.spec import overrides_of
 from stepbus_tools.sweep.sweep_metrics import UserMetrics, Value, builtin_metrics
@@ -32,36 +35,33 @@ Files = Mapping[str, bytes]
 
 
 class Trials:
-    """Runs points of one sweep, one after the other, in a folder of its own.
+    """Runs points of one sweep, one after the other.
 
-    keep: which runs' folders stay. home: the sweep's folder, where it is within reach; else what
-    stays is returned by content.
+    folder: a new one, in which they take place. keep: which runs' folders stay. home: the sweep's
+    folder, where it is within reach; else what stays is returned by content.
     """
 
-    def __init__(self, bundle: Bundle, *, keep: str, home: Path | None) -> None:
+    def __init__(self, bundle: Bundle, folder: Path, *, keep: str, home: Path | None) -> None:
         self._bundle = bundle
         self._keep = keep
         self._home = home
-        self._temporary = tempfile.TemporaryDirectory(
-            prefix="stepbus-sweep-", ignore_cleanup_errors=True
-        )
-        self._folder = Path(self._temporary.name)
-        self._source = self._folder / "source"
+        self._folder = folder
+        self._source = folder / SOURCE_FOLDER
         self._scenario = bundle.unpack(self._source)
         self._metrics: UserMetrics | None = None
 
-    def __enter__(self) -> Self:
-        """Return it."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Remove the folder."""
-        self._temporary.cleanup()
-
-    def classes(self) -> list[str]:
-        """Return the classes of the scenario's participants, as `module:Class`."""
-        scenario = load(self._scenario, self._bundle.settings)
-        return [spec.participant for spec in scenario.participants if spec.participant]
+    def prepare(self) -> None:
+        """Load what each run needs, but no code of the user's."""
+        scenario, types = load(self._scenario, self._bundle.settings), [CHAIN_TYPE]
+        for spec in scenario.participants:
+            types += [output.type for output in spec.outputs.values()]
+            # A run that needs it says what is wrong.
+            with contextlib.suppress(Exception):
+                if is_ours(spec.participant):
+                    resolve_name(spec.participant)
+        for name in types:
+            json_schema(name, scenario.types)
+        own_versions()
 
     def load_metrics(self) -> UserMetrics:
         """Load the user's metrics, once; raises MetricFailed for one that cannot be loaded."""
@@ -69,20 +69,26 @@ class Trials:
             self._metrics = UserMetrics(self._bundle.metrics, self._source / METRICS_FOLDER)
         return self._metrics
 
-    def run(self, point: Point) -> tuple[ResultRow, Files]:
-        """Run a point; return its row, and the files of a run that stays where none is in reach."""
+    def run(self, point: Point, timeout_s: float) -> tuple[bytes, Files]:
+        """Run a point; return its row as JSON, and the files of a run that stays elsewhere.
+
+        A run that takes longer than `timeout_s` ends the process: the kernel's timer does so even
+        if the run hangs in C. 0: it may take any time.
+        """
+        signal.setitimer(signal.ITIMER_REAL, timeout_s)
         out, began = self._folder / f"run-{point.number}", time.monotonic()
         # Of a process that died in the midst of this run.
         shutil.rmtree(out, ignore_errors=True)
         try:
-            row = self._row(point, self._run(point, out))
+            row, files = self._kept(self._row(point, self._run(point, out)), out)
             row = msgspec.structs.replace(row, wall_s=time.monotonic() - began)
-            return self._kept(row, out)
         except (RunFailure, StepbusError) as exc:
             code = exc.code if isinstance(exc, RunFailure) else ExitCode.SCENARIO
-            return failed_row(point, "failed", str(exc), code), {}
+            row, files = failed_row(point, "failed", str(exc), code), {}
         finally:
             shutil.rmtree(out, ignore_errors=True)
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        return msgspec.json.encode(msgspec.structs.replace(row, where=os.uname().nodename)), files
 
     def _run(self, point: Point, out: Path) -> Result:
         """Run a point; raises ScenarioError for one that cannot run."""

@@ -150,8 +150,8 @@ class Watcher:
     def __init__(self, heartbeat: Heartbeat, pid: int, *, is_owner: bool) -> None:
         self.held_s = 0.0
         self.is_waiting = self.is_stopped = False
-        self._heartbeat = heartbeat
-        self._pid = pid
+        self.heartbeat = heartbeat
+        self.pid = pid
         self._is_owner = is_owner
         self._progress: tuple[float, ...] = ()
         self._interrupted: tuple[float, int] | None = None
@@ -163,20 +163,20 @@ class Watcher:
         meanwhile: is called every 0.1 s.
         """
         is_killed = False
-        end = os.pidfd_open(self._pid)
+        end = os.pidfd_open(self.pid)
         while not select.select([end], [], [], TICK_S)[0]:
             meanwhile()
-            if not is_killed and self._is_late():
+            if not is_killed and self.is_late():
                 is_killed = True
                 signal.pidfd_send_signal(end, signal.SIGKILL)
         os.close(end)
         return is_killed
 
-    def _is_late(self) -> bool:
-        """Return whether the process has to be killed; it is interrupted first."""
-        now, words = time.monotonic(), self._heartbeat.words
+    def is_late(self) -> bool:
+        """Return whether the process has to be killed; it is interrupted first. Ask every 0.1 s."""
+        now, words = time.monotonic(), self.heartbeat.words
         elapsed_s, self._looked_at = min(now - self._looked_at, _LONGEST_TICK_S), now
-        stage, turn = self._heartbeat.stage, int(words[TURN])
+        stage, turn = self.heartbeat.stage, int(words[TURN])
         # What changes as long as the process gets on.
         progress: tuple[float, ...] = (stage, words[PULSE])
         if turn:
@@ -193,7 +193,7 @@ class Watcher:
             return False
         if self.held_s <= self._limit_s(stage, turn):
             return False
-        self.is_stopped = activity_of(self._pid).is_stopped
+        self.is_stopped = activity_of(self.pid).is_stopped
         if not self._is_owner and self.is_stopped:
             # By Ctrl-Z, which does not reach us: that is no participant's.
             self.held_s = 0.0
@@ -203,7 +203,7 @@ class Watcher:
             # Its handler writes the tracebacks, and raises in what the participant executes.
             words[LATE] = self.held_s
             with contextlib.suppress(ProcessLookupError):
-                os.kill(self._pid, TRACE_SIGNAL)
+                os.kill(self.pid, TRACE_SIGNAL)
             return False
         at_s, switches = self._interrupted
         self.is_waiting = not turn or self._switches() - switches > _SWITCHES
@@ -212,17 +212,17 @@ class Watcher:
     def _limit_s(self, stage: Stage, turn: int) -> float:
         if not stage.is_run:
             return _LEAVE_S
-        rows: list[list[float]] = self._heartbeat.will().get("limits", [])
+        rows: list[list[float]] = self.heartbeat.will().get("limits", [])
         # In no participant's turn, it may be any of them.
         some = rows[turn - 1 : turn] or rows
         limit_s = max((row[stage - 1] for row in some), default=math.inf)
-        if self._heartbeat.words[INTERRUPTED]:
+        if self.heartbeat.words[INTERRUPTED]:
             limit_s = min(limit_s, _INTERRUPTED_S)
         return limit_s if turn else limit_s + _PATIENCE_S
 
     def _switches(self) -> int:
         with contextlib.suppress(OSError):
-            for line in Path(f"/proc/{self._pid}/status").read_text().splitlines():
+            for line in Path(f"/proc/{self.pid}/status").read_text().splitlines():
                 if line.startswith("voluntary_ctxt_switches"):
                     return int(line.split()[1])
         return 0

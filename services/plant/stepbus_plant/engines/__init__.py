@@ -19,8 +19,7 @@ def is_here(name: str) -> bool:
 
 def default_engine() -> EngineName:
     """Return the engine of worlds that name none."""
-    here: list[EngineName] = [name for name in ENGINES if is_here(name)]
-    return here[0] if here else ENGINES[0]
+    return next(filter(is_here, ENGINES), ENGINES[0])
 
 
 def open_engine(name: EngineName, step_s: float, gravity: Point, solver_iterations: int) -> Engine:

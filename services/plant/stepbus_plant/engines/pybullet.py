@@ -65,6 +65,12 @@ def _import_pybullet() -> Any:
 
 
 bullet = _import_pybullet()
+_unused: list[int] = []
+
+
+def prepare() -> None:
+    """Connect a client for processes that are forked from this one, which share its 30 MB."""
+    _unused.append(bullet.connect(bullet.DIRECT))
 
 
 class BulletGeometry(Geometry):
@@ -93,7 +99,7 @@ class BulletEngine(Engine):
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry: Geometry = BulletGeometry()
-        self.client: int = bullet.connect(bullet.DIRECT)
+        self.client: int = _unused.pop() if _unused else bullet.connect(bullet.DIRECT)
         self._here = {"physicsClientId": self.client}
         self._to_frame: dict[int, Pose] = {}
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
