@@ -125,6 +125,9 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         }
         self._params = {key: value for key, value in params.items() if value}
         self._scenario = self._load([])
+        steps = self._scenario.steps
+        self._steps = math.inf if steps is None else steps
+        self._recording = ""
         self._seeded = False
         self._learn_spaces()
 
@@ -152,7 +155,8 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
             more = [*override_texts(self._vary(self.np_random)), *more]
         scenario = self._load(more) if more else self._scenario
         step = self._begin(dataclasses.replace(scenario, seed=episode_seed), self._folders)
-        return self._observation, self._info(step)
+        self._recording = str(self._episode.recording) if self._folders.is_recorded else ""
+        return self._observation, {"step": step.index, "t": step.t, "recording": self._recording}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
         """Take an action; return observation, reward, whether terminated or truncated, and info.
@@ -164,20 +168,18 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
             raise ResetNeeded("no episode is running: call reset first")
         given = checked_action(action, len(self.action_fields), episode.step.index)
         step = episode.advance(given)
+        index, t, function = step.index, step.t, "reward"
         moment = Moment(
-            step=step.index,
-            t=step.t,
-            observation=self._observation,
-            action=given,
-            inputs=self._inputs,
+            step=index, t=t, observation=self._observation, action=given, inputs=self._inputs
         )
-        reward = _number(_called("reward", self._reward, moment), step.index)
-        ends = self._terminated is not None and bool(
-            _called("terminated", self._terminated, moment)
-        )
-        steps = self._scenario.steps
-        is_late = steps is not None and step.index >= steps
-        info = self._info(step)
+        try:
+            value, function = self._reward(moment), "terminated"
+            ends = self._terminated is not None and bool(self._terminated(moment))
+        except Exception as exc:
+            raise RunError(f"step {index}: `{function}` raised {error_text(exc)}") from exc
+        reward = _number(value, index)
+        is_late = index >= self._steps
+        info = {"step": index, "t": t, "recording": self._recording}
         if ends or is_late:
             if self.render_mode is not None:
                 self._frame = self._renderer.frame()
@@ -269,18 +271,6 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         episode, self._episode = self._episode, None
         if episode is not None and episode.step is not None:
             self.result = episode.end(f"the episode is {reason}")
-
-    def _info(self, step: Step) -> dict[str, Any]:
-        episode = self._episode
-        recording = str(episode.recording) if episode and self._folders.is_recorded else ""
-        return {"step": step.index, "t": step.t, "recording": recording}
-
-
-def _called(what: str, function: Callable[[Moment], Any], moment: Moment) -> Any:
-    try:
-        return function(moment)
-    except Exception as exc:
-        raise RunError(f"step {moment.step}: `{what}` raised {error_text(exc)}") from exc
 
 
 def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Scenario:

@@ -131,11 +131,9 @@ class LocalRun(Strategy):
         """Restore the process to what our caller knew."""
         self.surroundings.leave()
 
-    def enter(self, away_s: float) -> None:
-        """Put in place again what participants find; away_s: how long our caller worked [s]."""
+    def enter(self) -> None:
+        """Put in place again what participants find."""
         self.surroundings.enter()
-        if self.state is not None:
-            self.state.away_s += away_s
 
     # --- who has the thread -----------------------------------------------------------------
 
