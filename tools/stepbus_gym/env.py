@@ -7,6 +7,7 @@ import dataclasses
 import itertools
 import math
 import os
+import shutil
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
@@ -28,6 +29,8 @@ from stepbus_gym.render import Camera, Renderer
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure
 from stepbus_orchestrator.run.episode import Episode
 from stepbus_orchestrator.run.folder import first_new
+from stepbus_orchestrator.run.inprocess.heartbeat import Heartbeat
+from stepbus_orchestrator.run.inprocess.watch import watched_memory
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
@@ -108,6 +111,8 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         self._renderer = Renderer(camera or Camera())
         self._frame: Any = None
         self._folders = Folders(record)
+        self._kept = contextlib.ExitStack()
+        self._memory: Heartbeat | None = None
         self._episode: Episode | None = None
         self._participant: PolicyParticipant | None = None
         self._observation: Vector = np.zeros(0)
@@ -129,7 +134,11 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         self._steps = math.inf if steps is None else steps
         self._recording = ""
         self._seeded = False
-        self._learn_spaces()
+        try:
+            self._learn_spaces()
+        except BaseException:
+            self._kept.close()
+            raise
 
     # --- Gymnasium ------------------------------------------------------------------------
 
@@ -202,10 +211,12 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
             self._end("closed")
         finally:
             self._folders.drop()
+            self._kept.close()
+            self._memory = None
 
     def __del__(self) -> None:
         is_ours = (os.getpid(), threading.get_ident()) == self.__dict__.get("_place")
-        if is_ours and self.__dict__.get("_episode") is not None:
+        if is_ours and self.__dict__.get("_memory") is not None:
             with contextlib.suppress(Exception):
                 self.close()
 
@@ -248,9 +259,17 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         }
 
     def _begin(self, scenario: Scenario, folders: Folders) -> Step:
+        if self._memory is None:
+            # To start the process that watches takes as long as all else.
+            self._memory = self._kept.enter_context(watched_memory())
         with self._renderer.watching() if self.render_mode else contextlib.nullcontext():
             self._episode = episode = Episode(
-                scenario, self._name, self._make, folders.make(), is_recorded=folders.is_recorded
+                scenario,
+                self._name,
+                self._make,
+                folders.make(),
+                is_recorded=folders.is_recorded,
+                memory=self._memory,
             )
             try:
                 return episode.start()
@@ -357,11 +376,13 @@ class Folders:
         """Return a new folder; raises RecordingFailed where none can be made."""
         try:
             if not self.is_recorded:
-                self.drop()
-                self._temporary = TemporaryDirectory(
-                    prefix="gym-stepbus-", ignore_cleanup_errors=True
-                )
-                return Path(self._temporary.name).resolve() / "run"
+                if self._temporary is None:
+                    self._temporary = TemporaryDirectory(
+                        prefix="gym-stepbus-", ignore_cleanup_errors=True
+                    )
+                folder = Path(self._temporary.name, "run")
+                shutil.rmtree(folder, ignore_errors=True)
+                return folder
             self._parent.mkdir(parents=True, exist_ok=True)
             known = [int(path.name) for path in self._parent.iterdir() if path.name.isdigit()]
             numbers = itertools.count(max(known, default=0) + 1)
@@ -375,3 +396,4 @@ class Folders:
         """Remove what is temporary."""
         if self._temporary is not None:
             self._temporary.cleanup()
+            self._temporary = None

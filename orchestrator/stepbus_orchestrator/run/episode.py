@@ -19,7 +19,7 @@ from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.hosts import InProcess
-from stepbus_orchestrator.run.inprocess.heartbeat import TURN
+from stepbus_orchestrator.run.inprocess.heartbeat import TURN, Heartbeat
 from stepbus_orchestrator.run.inprocess.local_run import LocalRun
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -47,7 +47,7 @@ class Episode(RunExtension):
     scenario: checked; its duration counts for nothing. name: of the participant. make: returns
     it, from its configuration and a function: called by `update` with the step, it waits for the
     caller and returns its answer. out: a new folder. is_recorded: whether the run is recorded
-    there; its logs are there in any case.
+    there; its logs are there in any case. memory: as of `InProcess`.
 
     step: the one that the participant waits at, or None. local: the run, once it is open.
     """
@@ -62,6 +62,7 @@ class Episode(RunExtension):
         out: Path,
         *,
         is_recorded: bool,
+        memory: Heartbeat | None = None,
     ) -> None:
         self.name = name
         self.step: Step | None = None
@@ -69,7 +70,7 @@ class Episode(RunExtension):
         self._out = out
         self._options = Options(
             out=out,
-            host=InProcess(instead="an environment runs in one process"),
+            host=InProcess(instead="an environment runs in one process", memory=memory),
             is_recorded=is_recorded,
             extensions=[self, Debug(no_deadline=[name])],
         )

@@ -2,7 +2,9 @@
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -61,14 +63,18 @@ def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
         raise fatal(file, f"cannot be read: {exc.strerror} ({path})") from exc
     except UnicodeDecodeError as exc:
         raise fatal(file, f"is not UTF-8 text (byte {exc.start})") from exc
-    conversion = _Conversion(file)
-    data = conversion.run(text)
+    data, places, problems = _converted(file, text)
     if not isinstance(data, dict):
         what = "is empty" if data is None else "is not a map"
         raise fatal(file, f"{what}; {expected}")
-    return YamlFile(
-        file=file, data=data, places=conversion.places, own_problems=tuple(conversion.problems)
-    )
+    return YamlFile(file=file, data=deepcopy(data), places=places, own_problems=problems)
+
+
+@lru_cache(maxsize=64)
+def _converted(file: str, text: str) -> tuple[Any, Mapping[Keys, Place], tuple[Problem, ...]]:
+    """Return a YAML value, the line of each part, and mistakes: many runs read the same file."""
+    conversion = _Conversion(file)
+    return conversion.run(text), conversion.places, tuple(conversion.problems)
 
 
 def parse_yaml(file: str, text: str) -> Any:
