@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import dataclasses
 import itertools
 import math
@@ -118,6 +119,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         self._observation: Vector = np.zeros(0)
         self._inputs: Mapping[str, Any] = {}
         self.result: Result | None = None
+        self._seeded, self._recording = False, ""
         self._given, self._faults, self._name = scenario, list(faults), participant
         self._settings = [*override_texts(set), *([f"duration={duration}"] if duration else [])]
         params = {
@@ -132,8 +134,6 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         self._scenario = self._load([])
         steps = self._scenario.steps
         self._steps = math.inf if steps is None else steps
-        self._recording = ""
-        self._seeded = False
         try:
             self._learn_spaces()
         except BaseException:
@@ -164,7 +164,6 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
             more = [*override_texts(self._vary(self.np_random)), *more]
         scenario = self._load(more) if more else self._scenario
         step = self._begin(dataclasses.replace(scenario, seed=episode_seed), self._folders)
-        self._recording = str(self._episode.recording) if self._folders.is_recorded else ""
         return self._observation, {"step": step.index, "t": step.t, "recording": self._recording}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
@@ -222,6 +221,13 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
 
     # --- episodes -------------------------------------------------------------------------
 
+    def twin(self) -> StepbusEnv:
+        """Return another environment of the scenario that is loaded, before the first reset."""
+        made = copy.copy(self)
+        made._renderer, made._folders = copy.copy(self._renderer), copy.copy(self._folders)
+        made._kept, made._memory = contextlib.ExitStack(), None
+        return made
+
     def _load(self, more: Sequence[str]) -> Scenario:
         loaded = stepbus.load(self._given, set=[*self._settings, *more], faults=self._faults)
         return _with_policy(loaded, self._name, self._params)
@@ -271,6 +277,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
                 is_recorded=folders.is_recorded,
                 memory=self._memory,
             )
+            self._recording = str(episode.recording) if folders.is_recorded else ""
             try:
                 return episode.start()
             except BaseException:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from stepbus_schemas import Envelope
 
-from . import BusError, Clock, Queue, Request, Sample, every_on_a_thread
+from . import BusError, Clock, Queue, Request, Sample
 
 _Role = Literal["subscriber", "receiver", "answerer", "watcher", "alive"]
 

@@ -23,12 +23,12 @@ _handling: list[tuple[Hub, Heartbeat]] = []
 
 
 @contextlib.contextmanager
-def watched(hub: Hub, memory: Heartbeat | None) -> Iterator[Heartbeat]:
+def watched(hub: Hub, given: Heartbeat | None) -> Iterator[Heartbeat]:
     """Watch the participants of a run, and yield the memory that shows who has the thread.
 
-    memory: one of `watched_memory`; default: a new one.
+    given: a memory of `watched_memory`; None: it takes a new one.
     """
-    made = watched_memory() if memory is None else contextlib.nullcontext(memory)
+    made = watched_memory() if given is None else contextlib.nullcontext(given)
     with made as memory, _handled(hub, memory):
         try:
             yield memory

@@ -65,8 +65,8 @@ def _import_pybullet() -> Any:
 
 
 bullet = _import_pybullet()
-_clients: list[int] = []
-"""Those that are empty: to connect one takes ten times as long as to empty it."""
+empty_clients: list[int] = []
+"""For the next worlds: to connect one takes ten times as long as to empty it."""
 
 
 class BulletGeometry(Geometry):
@@ -95,7 +95,7 @@ class BulletEngine(Engine):
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry: Geometry = BulletGeometry()
-        self.client: int = _clients.pop() if _clients else bullet.connect(bullet.DIRECT)
+        self.client: int = empty_clients.pop() if empty_clients else bullet.connect(bullet.DIRECT)
         self._here = {"physicsClientId": self.client}
         self._to_frame: dict[int, Pose] = {}
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
@@ -126,7 +126,7 @@ class BulletEngine(Engine):
         """Leave an empty client for the next world; harmless when repeated."""
         if self.client >= 0:
             bullet.resetSimulation(**self._here)
-            _clients.append(self.client)
+            empty_clients.append(self.client)
             self.client = -1
 
     # --- bodies ---------------------------------------------------------------------------
