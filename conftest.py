@@ -172,3 +172,5 @@ def _physics_is_closed():
     yield
     for client in physics_clients() - before:
         sys.modules["pybullet"].disconnect(client)
+    if engine := sys.modules.get("stepbus_plant.engines.pybullet"):
+        engine.empty_clients.clear()

@@ -11,12 +11,13 @@ try:
     from .env import Moment, StepbusEnv
     from .fields import Field
     from .render import Camera
+    from .vector import StepbusVectorEnv
 except ModuleNotFoundError:
     # Where it is Gymnasium, this says how to install it.
     need("stepbus_gym", "gymnasium")
     raise
 
-__all__ = ["Camera", "Field", "Moment", "StepbusEnv"]
+__all__ = ["Camera", "Field", "Moment", "StepbusEnv", "StepbusVectorEnv"]
 
 TWO_LINK = "stepbus/two_link-v0"
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import dataclasses
 import itertools
 import math
 import os
+import shutil
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
@@ -28,6 +30,8 @@ from stepbus_gym.render import Camera, Renderer
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure
 from stepbus_orchestrator.run.episode import Episode
 from stepbus_orchestrator.run.folder import first_new
+from stepbus_orchestrator.run.inprocess.heartbeat import Heartbeat
+from stepbus_orchestrator.run.inprocess.watch import watched_memory
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
@@ -108,11 +112,14 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         self._renderer = Renderer(camera or Camera())
         self._frame: Any = None
         self._folders = Folders(record)
+        self._kept = contextlib.ExitStack()
+        self._memory: Heartbeat | None = None
         self._episode: Episode | None = None
         self._participant: PolicyParticipant | None = None
         self._observation: Vector = np.zeros(0)
         self._inputs: Mapping[str, Any] = {}
         self.result: Result | None = None
+        self._seeded, self._recording = False, ""
         self._given, self._faults, self._name = scenario, list(faults), participant
         self._settings = [*override_texts(set), *([f"duration={duration}"] if duration else [])]
         params = {
@@ -125,8 +132,13 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         }
         self._params = {key: value for key, value in params.items() if value}
         self._scenario = self._load([])
-        self._seeded = False
-        self._learn_spaces()
+        steps = self._scenario.steps
+        self._steps = math.inf if steps is None else steps
+        try:
+            self._learn_spaces()
+        except BaseException:
+            self._kept.close()
+            raise
 
     # --- Gymnasium ------------------------------------------------------------------------
 
@@ -152,7 +164,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
             more = [*override_texts(self._vary(self.np_random)), *more]
         scenario = self._load(more) if more else self._scenario
         step = self._begin(dataclasses.replace(scenario, seed=episode_seed), self._folders)
-        return self._observation, self._info(step)
+        return self._observation, {"step": step.index, "t": step.t, "recording": self._recording}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
         """Take an action; return observation, reward, whether terminated or truncated, and info.
@@ -164,20 +176,18 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
             raise ResetNeeded("no episode is running: call reset first")
         given = checked_action(action, len(self.action_fields), episode.step.index)
         step = episode.advance(given)
+        index, t, function = step.index, step.t, "reward"
         moment = Moment(
-            step=step.index,
-            t=step.t,
-            observation=self._observation,
-            action=given,
-            inputs=self._inputs,
+            step=index, t=t, observation=self._observation, action=given, inputs=self._inputs
         )
-        reward = _number(_called("reward", self._reward, moment), step.index)
-        ends = self._terminated is not None and bool(
-            _called("terminated", self._terminated, moment)
-        )
-        steps = self._scenario.steps
-        is_late = steps is not None and step.index >= steps
-        info = self._info(step)
+        try:
+            value, function = self._reward(moment), "terminated"
+            ends = self._terminated is not None and bool(self._terminated(moment))
+        except Exception as exc:
+            raise RunError(f"step {index}: `{function}` raised {error_text(exc)}") from exc
+        reward = _number(value, index)
+        is_late = index >= self._steps
+        info = {"step": index, "t": t, "recording": self._recording}
         if ends or is_late:
             if self.render_mode is not None:
                 self._frame = self._renderer.frame()
@@ -200,14 +210,23 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
             self._end("closed")
         finally:
             self._folders.drop()
+            self._kept.close()
+            self._memory = None
 
     def __del__(self) -> None:
         is_ours = (os.getpid(), threading.get_ident()) == self.__dict__.get("_place")
-        if is_ours and self.__dict__.get("_episode") is not None:
+        if is_ours and self.__dict__.get("_memory") is not None:
             with contextlib.suppress(Exception):
                 self.close()
 
     # --- episodes -------------------------------------------------------------------------
+
+    def twin(self) -> StepbusEnv:
+        """Return another environment of the scenario that is loaded, before the first reset."""
+        made = copy.copy(self)
+        made._renderer, made._folders = copy.copy(self._renderer), copy.copy(self._folders)
+        made._kept, made._memory = contextlib.ExitStack(), None
+        return made
 
     def _load(self, more: Sequence[str]) -> Scenario:
         loaded = stepbus.load(self._given, set=[*self._settings, *more], faults=self._faults)
@@ -246,10 +265,19 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         }
 
     def _begin(self, scenario: Scenario, folders: Folders) -> Step:
+        if self._memory is None:
+            # To start the process that watches takes as long as all else.
+            self._memory = self._kept.enter_context(watched_memory())
         with self._renderer.watching() if self.render_mode else contextlib.nullcontext():
             self._episode = episode = Episode(
-                scenario, self._name, self._make, folders.make(), is_recorded=folders.is_recorded
+                scenario,
+                self._name,
+                self._make,
+                folders.make(),
+                is_recorded=folders.is_recorded,
+                memory=self._memory,
             )
+            self._recording = str(episode.recording) if folders.is_recorded else ""
             try:
                 return episode.start()
             except BaseException:
@@ -269,18 +297,6 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         episode, self._episode = self._episode, None
         if episode is not None and episode.step is not None:
             self.result = episode.end(f"the episode is {reason}")
-
-    def _info(self, step: Step) -> dict[str, Any]:
-        episode = self._episode
-        recording = str(episode.recording) if episode and self._folders.is_recorded else ""
-        return {"step": step.index, "t": step.t, "recording": recording}
-
-
-def _called(what: str, function: Callable[[Moment], Any], moment: Moment) -> Any:
-    try:
-        return function(moment)
-    except Exception as exc:
-        raise RunError(f"step {moment.step}: `{what}` raised {error_text(exc)}") from exc
 
 
 def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Scenario:
@@ -367,11 +383,13 @@ class Folders:
         """Return a new folder; raises RecordingFailed where none can be made."""
         try:
             if not self.is_recorded:
-                self.drop()
-                self._temporary = TemporaryDirectory(
-                    prefix="gym-stepbus-", ignore_cleanup_errors=True
-                )
-                return Path(self._temporary.name).resolve() / "run"
+                if self._temporary is None:
+                    self._temporary = TemporaryDirectory(
+                        prefix="gym-stepbus-", ignore_cleanup_errors=True
+                    )
+                folder = Path(self._temporary.name, "run")
+                shutil.rmtree(folder, ignore_errors=True)
+                return folder
             self._parent.mkdir(parents=True, exist_ok=True)
             known = [int(path.name) for path in self._parent.iterdir() if path.name.isdigit()]
             numbers = itertools.count(max(known, default=0) + 1)
@@ -385,3 +403,4 @@ class Folders:
         """Remove what is temporary."""
         if self._temporary is not None:
             self._temporary.cleanup()
+            self._temporary = None

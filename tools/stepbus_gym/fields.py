@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import msgspec
@@ -66,6 +67,7 @@ class Form:
         return np.zeros(self.shape(count)).tolist()
 
 
+@cache
 def forms(cls: type[Message]) -> dict[str, Form]:
     """Return what each field of a message type may hold."""
     _, parts = msgspec.json.schema_components([cls], ref_template="{name}")

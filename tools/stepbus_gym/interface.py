@@ -1,8 +1,9 @@
 """Between a policy and its ports: messages to an observation, an action to messages."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import msgspec
@@ -154,7 +155,7 @@ class Interface:
         self._ports, self._params, self._inputs = ports, params, inputs
         self._wanted = ports.observed(params)
         self.needed = [port for port, fields in self._wanted.items() if fields]
-        self._observed: list[_Array] = []
+        self._observed: list[tuple[str, str, int, _Array]] = []
         self.observation: list[Field] = []
         described = ports.described(params)
         self._joints = {
@@ -166,9 +167,8 @@ class Interface:
         for port, names in ports.done(params).items():
             for name in names:
                 self._plan(port, ports.forms("outputs", port)[name])
-        self._low = np.array([field.low for field in self.action])
-        self._high = np.array([field.high for field in self.action])
-        self._fixed = {port: self._fixed_of(port) for port in ports.done(params)}
+        self._limits = [(field.low, field.high) for field in self.action]
+        self._plans = {port: self._plan_of(port) for port in ports.done(params)}
 
     # --- observations ---------------------------------------------------------------------
 
@@ -177,13 +177,13 @@ class Interface:
         if not self._observed:
             self._learn(inputs)
         values: list[float] = []
-        for array in self._observed:
-            value = getattr(inputs[array.port], array.field)
-            if len(array.shape) == 1 and value is not None and len(value) == array.count:
+        for port, field, length, array in self._observed:
+            value = getattr(inputs[port], field)
+            if length and value is not None and len(value) == length:
                 values += value
             else:
                 values += _flat(value, array, step)
-        return np.array(values, dtype=np.float64)
+        return np.array(values, np.float64)
 
     def _learn(self, inputs: Mapping[str, Message | None]) -> None:
         """Take what the first messages have as what all have."""
@@ -203,7 +203,9 @@ class Interface:
         names = described.names if form.sizes[:1] == ("n",) else []
         array = _Array(port, form.name, shape, math.prod(shape))
         unit = described.units.get(form.name, form.unit)
-        self._observed.append(array)
+        # Without a length: it is no list of numbers.
+        length = array.count if len(shape) == 1 else 0
+        self._observed.append((port, form.name, length, array))
         self.observation += self._fields(array, names, [described], form.name, unit)
 
     def _fields(
@@ -241,17 +243,23 @@ class Interface:
 
     def messages(self, action: Vector) -> dict[str, Message]:
         """Return the messages of an action, which is clipped at its limits."""
-        values: list[Any] = np.minimum(np.maximum(action, self._low), self._high).tolist()
-        given: dict[str, dict[str, Any]] = {port: {**own} for port, own in self._fixed.items()}
+        # Of a few numbers, this takes a tenth of what NumPy takes.
+        values: list[Any] = [
+            low if value < low else min(value, high)
+            for value, (low, high) in zip(action.tolist(), self._limits, strict=True)
+        ]
+        messages: dict[str, Message] = {}
         at = 0
-        for array in self._commanded:
-            numbers = values[at : at + array.count]
-            if len(array.shape) != 1:
-                numbers = np.reshape(numbers, array.shape).tolist()
-            given[array.port][array.field] = numbers
-            at += array.count
-        types, outputs = self._ports.types, self._ports.outputs
-        return {port: types[outputs[port]](**fields) for port, fields in given.items()}
+        for port, (make, arrays) in self._plans.items():
+            fields = {}
+            for array in arrays:
+                numbers = values[at : at + array.count]
+                if len(array.shape) != 1:
+                    numbers = np.reshape(numbers, array.shape).tolist()
+                fields[array.field] = numbers
+                at += array.count
+            messages[port] = make(**fields)
+        return messages
 
     def _plan(self, port: str, form: Form) -> None:
         """Add a field of an output to the action."""
@@ -273,9 +281,10 @@ class Interface:
         self._commanded.append(array)
         self.action += fields
 
-    def _fixed_of(self, port: str) -> dict[str, Any]:
-        """Return what a message needs beside the action."""
-        chosen = {array.field for array in self._commanded if array.port == port}
+    def _plan_of(self, port: str) -> tuple[Callable[..., Message], list[_Array]]:
+        """Return what makes a message, from the arrays of the action that are returned as well."""
+        arrays = [array for array in self._commanded if array.port == port]
+        chosen = {array.field for array in arrays}
         constants = {
             name: form.neutral(len(self._joints.get(port, ())))
             for name, form in self._ports.forms("outputs", port).items()
@@ -283,7 +292,7 @@ class Interface:
         }
         if self._ports.outputs[port] == _JOINT_COMMAND:
             constants["mode"] = self._params.mode
-        return constants
+        return partial(self._ports.types[self._ports.outputs[port]], **constants), arrays
 
 
 def _joint(name: str, states: Sequence[Description]) -> tuple[Description, int]:

@@ -1,13 +1,14 @@
 """A run in one process whose steps our caller makes: it is one of the participants."""
 
 import atexit
-import contextlib
 import dataclasses
 import os
+import re
 import signal
+import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FrameType
 from typing import Any, cast
@@ -18,17 +19,21 @@ from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.inprocess.heartbeat import TURN, Heartbeat
 from stepbus_orchestrator.run.inprocess.local_run import LocalRun
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import Config, Participant, Queue, Step, StepsOver
+from stepbus_participant import Config, Participant, Step, StepsOver
+from stepbus_participant.user_classes import is_ours
 from stepbus_schemas import StepbusError, WiringError
 
 from .extensions.debug import Debug
 
 Make = Callable[[Config, Callable[[Step], Any]], Participant]
 _END = object()
+_CLASS = re.compile(r"[\w./-]+:[A-Za-z_]\w*")
+"""What parameters name classes by."""
 
 
 class Episode(RunExtension):
@@ -42,7 +47,7 @@ class Episode(RunExtension):
     scenario: checked; its duration counts for nothing. name: of the participant. make: returns
     it, from its configuration and a function: called by `update` with the step, it waits for the
     caller and returns its answer. out: a new folder. is_recorded: whether the run is recorded
-    there; its logs are there in any case.
+    there; its logs are there in any case. memory: as of `InProcess`.
 
     step: the one that the participant waits at, or None. local: the run, once it is open.
     """
@@ -57,6 +62,7 @@ class Episode(RunExtension):
         out: Path,
         *,
         is_recorded: bool,
+        memory: Heartbeat | None = None,
     ) -> None:
         self.name = name
         self.step: Step | None = None
@@ -64,19 +70,21 @@ class Episode(RunExtension):
         self._out = out
         self._options = Options(
             out=out,
-            host=InProcess(instead="an environment runs in one process"),
+            host=InProcess(instead="an environment runs in one process", memory=memory),
             is_recorded=is_recorded,
             extensions=[self, Debug(no_deadline=[name])],
         )
         # No run branches from an episode.
         self._scenario = dataclasses.replace(scenario, checkpoint_steps=0)
         self._interrupt = threading.Event()
-        self._greenlet = greenlet(self._work)
+        self._greenlet = self._next = greenlet(self._work)
         self._caller = getcurrent()
         self._place = os.getpid(), threading.get_ident()
-        self._queue: Queue | None = None
-        self._answer: Any = None
         self._is_waiting = False
+        others = [spec for spec in scenario.participants if spec.name != name]
+        self._is_ours = all(is_ours(spec.participant) for spec in others) and not _CLASS.search(
+            repr([spec.params for spec in others])
+        )
         self._outcome: Result | BaseException | None = None
 
     @property
@@ -101,9 +109,8 @@ class Episode(RunExtension):
         Raises RunFailure where the run ends before.
         """
         self._check()
-        self._answer = answer
-        self._switch()
-        return self._step()
+        self._switch(answer)
+        return self.step or self._step()
 
     def end(self, reason: str) -> Result:
         """End the run before the step that the participant waits at; harmless when repeated.
@@ -114,8 +121,8 @@ class Episode(RunExtension):
             self._check()
             if self.local.state is not None and self.step is not None:
                 self.local.state.ask_end(self.step.index, reason)
-            self._answer = _END
-            self._switch()
+            self.local.enter()
+            self._switch(_END)
         return self._ended()
 
     def abandon(self) -> None:
@@ -133,11 +140,16 @@ class Episode(RunExtension):
         if not self._is_waiting:
             raise WiringError("no episode is running: reset the environment first")
 
-    def _switch(self) -> None:
+    def _switch(self, *answer: Any) -> None:
         """Run until the run needs us."""
+        streams, outer = (sys.stdout, sys.stderr), _ctrl_c.inside
         self._caller = self._greenlet.parent = getcurrent()
-        with _ctrl_c.within(self._interrupt):
-            self._greenlet.switch()
+        _ctrl_c.inside = self._interrupt
+        try:
+            self._next.switch(*answer)
+        finally:
+            _ctrl_c.inside = outer
+            sys.stdout, sys.stderr = streams
         if self._greenlet.dead:
             self.step = None
             _ctrl_c.close(self)
@@ -165,7 +177,6 @@ class Episode(RunExtension):
         """Work for the participant where no other one can."""
         super().attach(run)
         self.local = cast("LocalRun", run.strategy)
-        self.local.hub.away = self._away
 
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
         """Return what makes the participant."""
@@ -182,30 +193,32 @@ class Episode(RunExtension):
             self._outcome = exc
 
     def _make_participant(self, config: Config) -> Participant:
-        queue = self._queue = self.local.hub.queue()
+        local, state, hub = self.local, self.run.state, self.local.hub
+        words, now_s = local.memory.words, time.monotonic
 
         def await_answer(step: Step) -> Any:
-            """Wait, in the participant's turn, for what the caller answers a step with."""
-            self.step = step
-            self._is_waiting = True
-            answer = queue.get()  # no time-out: the caller steps when it likes
+            """Give the thread to the caller until it answers a step; return the answer.
+
+            The others go first, as far as they can. Where all that they execute is ours, it does
+            not matter where it is executed.
+            """
+            while hub.give_turns():
+                pass
+            streams, turn = (sys.stdout, sys.stderr), words[TURN]
+            self.step, self._next, self._is_waiting, words[TURN] = step, getcurrent(), True, 0
+            left = now_s()
+            local.leave()
+            answer = self._caller.switch()
+            if not self._is_ours:
+                local.enter()
+            state.away_s += now_s() - left
+            self._is_waiting, words[TURN] = False, turn
+            sys.stdout, sys.stderr = streams
             if answer is _END:
                 raise StepsOver
             return answer
 
         return self._make(config, await_answer)
-
-    def _away(self) -> bool:
-        """Hand over to the caller, where the participant waits for it."""
-        if not self._is_waiting or self._queue is None:
-            return False
-        left = time.monotonic()
-        self.local.leave()
-        self._caller.switch()
-        self.local.enter(time.monotonic() - left)
-        self._is_waiting = False
-        self._queue.put(self._answer)
-        return True
 
 
 class _CtrlC:
@@ -229,15 +242,6 @@ class _CtrlC:
             self.episodes.remove(episode)
             if not self.episodes and signal.getsignal(signal.SIGINT) == self._handle:
                 signal.signal(signal.SIGINT, self._before)
-
-    @contextlib.contextmanager
-    def within(self, interrupt: threading.Event) -> Iterator[None]:
-        """Have Ctrl-C set an event, in this block."""
-        outer, self.inside = self.inside, interrupt
-        try:
-            yield
-        finally:
-            self.inside = outer
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self._before is signal.SIG_IGN:

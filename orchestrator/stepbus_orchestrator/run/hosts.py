@@ -5,7 +5,7 @@ import dataclasses
 import os
 import time
 from collections.abc import Iterator, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
 from stepbus_orchestrator.processes.launcher import Launcher
@@ -109,7 +109,8 @@ class InProcess:
     """Has all participants in this process.
 
     owns_descriptors: descriptors 1 and 2 are the run's alone, and what libraries in C print goes to
-    a log. is_star: as of `Processes`. instead: what the user can do where it is refused.
+    a log. is_star: as of `Processes`. instead: what the user can do where it is refused. memory:
+    of `watched_memory`, which many runs share; default: each run has its own.
     """
 
     clock: ClassVar[Clock] = time
@@ -117,6 +118,7 @@ class InProcess:
     owns_descriptors: bool = False
     is_star: bool = False
     instead: str = "omit --in-process"
+    memory: Any = None
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""
@@ -129,6 +131,6 @@ class InProcess:
         """Put the process in order for participants, and back at the end."""
         from stepbus_orchestrator.run.inprocess.local_run import LocalRun  # noqa: PLC0415
 
-        local = LocalRun(run, self.clock, is_star=self.is_star)
+        local = LocalRun(run, self.clock, is_star=self.is_star, memory=self.memory)
         with local.opened(owns_descriptors=self.owns_descriptors):
             yield local.bus, local

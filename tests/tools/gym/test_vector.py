@@ -4,9 +4,13 @@ import gymnasium
 import numpy as np
 import pytest
 
-import stepbus_gym  # noqa: F401  (registers)
+import stepbus_gym
 
 pytestmark = pytest.mark.slow
+
+
+def nothing(_moment):
+    return 0.0
 
 
 def make():
@@ -33,3 +37,24 @@ def test_a_vector_of_environments_makes_the_steps_of_one(name):
     finally:
         env.close()
         alone.close()
+
+
+def episodes(count):
+    """Return the observations of two episodes of each environment of a vector."""
+    noise = {"plant.params.noise.position": 0.01}
+    env = stepbus_gym.StepbusVectorEnv(
+        count, "two_link", reward=nothing, duration="50ms", set=noise
+    )
+    try:
+        rows = [env.reset(seed=5)[0]]
+        rows += [env.step(np.full((count, 2), 3.0))[0] for _ in range(20)]
+    finally:
+        env.close()
+    return np.array(rows)
+
+
+def test_vectors_of_1_4_and_16_make_the_same_episodes():
+    rows = episodes(16)
+    assert not np.array_equal(rows[:, 0], rows[:, 1])
+    for count in (1, 4):
+        assert np.array_equal(rows[:, :count], episodes(count))

@@ -53,10 +53,12 @@ class PolicyParticipant(Participant):
         if interface is None:
             raise RunError("the run has not started")
         inputs = {port: step.get(port) for port in self._ports.inputs}
-        absent = next((port for port in interface.needed if inputs[port] is None), None)
-        if absent is None:
+        if None not in inputs.values() or all(
+            inputs[port] is not None for port in interface.needed
+        ):
             observation = interface.observe(inputs, step.index)
             return interface.messages(self._act(observation, inputs, step))
+        absent = next(port for port in interface.needed if inputs[port] is None)
         self._waited += 1
         if self._waited > _LONGEST_WAIT:
             raise RunError(

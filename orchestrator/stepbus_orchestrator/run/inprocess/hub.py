@@ -184,7 +184,7 @@ class Hub:
 
     current: whose turn it is. hosted: all participants. before: is called before they get their
     turns. has_news: whether something has come that no participant waits for. root: its creator's
-    greenlet. away: is called where no participant can go on; returns whether one can then.
+    greenlet.
     Its creator is the root: it gets the thread back where no participant can go on, and when its
     own queue has something.
     """
@@ -193,7 +193,6 @@ class Hub:
         self.clock = clock
         self.current: HostedParticipant | None = None
         self.before: Callable[[], None] = lambda: None
-        self.away: Callable[[], bool] = lambda: False
         self.hosted: list[HostedParticipant] = []
         self.has_news = False
         self._ready: deque[HostedParticipant] = deque()
@@ -204,6 +203,15 @@ class Hub:
         if not hosted.is_ready:
             hosted.is_ready = True
             self._ready.append(hosted)
+
+    def give_turns(self) -> bool:
+        """Give all others that can go on their turns, from one; return whether there were any."""
+        me = self.current
+        if me is None or not (self._ready or self.has_news):
+            return False
+        self.let_go_on(me)
+        self.root.switch()
+        return True
 
     def queue(self) -> HubQueue:
         """Return a queue whose readers take turns."""
@@ -229,7 +237,7 @@ class Hub:
                 ready.popleft().take_turn()
             if has_come():
                 return
-            if self.away() or self._expire():
+            if self._expire():
                 continue
             now = monotonic()
             if now >= until_s:

@@ -82,9 +82,12 @@ class LocalRun(Strategy):
     """Hosts all participants in this process; none is played.
 
     bus: the orchestrator's, whose network the participants join. is_star: as of `Processes`.
+    memory: as of `InProcess`.
     """
 
-    def __init__(self, run: RunView, clock: Clock, *, is_star: bool) -> None:
+    def __init__(
+        self, run: RunView, clock: Clock, *, is_star: bool, memory: Heartbeat | None
+    ) -> None:
         self.hub = Hub(clock)
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
@@ -95,6 +98,7 @@ class LocalRun(Strategy):
         files = [file for file in files if file.endswith(".py")]
         self.surroundings = Surroundings(folder, files)
         self.memory: Heartbeat
+        self._given_memory = memory
         self._run = run
         self._is_star = is_star
         self._pid = os.getpid()
@@ -116,7 +120,7 @@ class LocalRun(Strategy):
                     "one process works in the scenario's folder and logs to the run's "
                     "folder"
                 ) from exc
-            self.memory = stack.enter_context(watched(self.hub))
+            self.memory = stack.enter_context(watched(self.hub, self._given_memory))
             stack.callback(self._end_all)
             handlers = {number: signal.getsignal(number) for number in _SIGNALS}
             # Those that are None are not Python's.
@@ -131,11 +135,9 @@ class LocalRun(Strategy):
         """Restore the process to what our caller knew."""
         self.surroundings.leave()
 
-    def enter(self, away_s: float) -> None:
-        """Put in place again what participants find; away_s: how long our caller worked [s]."""
+    def enter(self) -> None:
+        """Put in place again what participants find."""
         self.surroundings.enter()
-        if self.state is not None:
-            self.state.away_s += away_s
 
     # --- who has the thread -----------------------------------------------------------------
 

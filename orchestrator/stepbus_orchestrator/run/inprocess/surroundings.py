@@ -50,7 +50,9 @@ class Surroundings:
             yield
 
     def enter(self) -> None:
-        """Put what participants find in place."""
+        """Put what participants find in place; harmless when repeated."""
+        if self._outside >= 0:
+            return
         # The working directory may have no name any more.
         self._outside = os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
         os.fchdir(self._inside)
@@ -64,7 +66,9 @@ class Surroundings:
         sys.meta_path.insert(sys.meta_path.index(PathFinder), self)
 
     def leave(self) -> None:
-        """Put back what was there before."""
+        """Put back what was there before; harmless when repeated."""
+        if self._outside < 0:
+            return
         sys.meta_path.remove(self)
         self._path_inside, sys.path[:] = list(sys.path), self._path_outside
         self._own = {name: sys.modules.pop(name, None) for name in self._own}
@@ -72,6 +76,7 @@ class Surroundings:
         self._others = {}
         os.fchdir(self._outside)
         os.close(self._outside)
+        self._outside = -1
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None

@@ -23,12 +23,13 @@ _handling: list[tuple[Hub, Heartbeat]] = []
 
 
 @contextlib.contextmanager
-def watched(hub: Hub) -> Iterator[Heartbeat]:
+def watched(hub: Hub, given: Heartbeat | None) -> Iterator[Heartbeat]:
     """Watch the participants of a run, and yield the memory that shows who has the thread.
 
-    Another process watches it: our parent, or else a child.
+    given: a memory of `watched_memory`; None: it takes a new one.
     """
-    with _watched_memory() as memory, _handled(hub, memory):
+    made = watched_memory() if given is None else contextlib.nullcontext(given)
+    with made as memory, _handled(hub, memory):
         try:
             yield memory
         finally:
@@ -67,8 +68,11 @@ def _raise_late(_number: int, frame: FrameType | None) -> None:
 
 
 @contextlib.contextmanager
-def _watched_memory() -> Iterator[Heartbeat]:
-    """Yield a memory that another process watches: our parent, or else a child."""
+def watched_memory() -> Iterator[Heartbeat]:
+    """Yield a memory for one run after the other; another process watches it.
+
+    That is our parent, or else a child.
+    """
     if heartbeat.own is not None:
         yield heartbeat.own
         return
