@@ -12,8 +12,7 @@ from stepbus_kinematics import RobotModel, Values, Vector
 from stepbus_participant import Config, PerName, make_plugin
 from stepbus_schemas import WiringError
 
-Three = tuple[Values, Values, Values]
-"""A `Reference` of arrays or lists."""
+AnyReference = tuple[Values, Values, Values]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +120,7 @@ class PD:
         """See `Law`."""
         return np.array(self.efforts(q, v, reference, dt))
 
-    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
+    def efforts(self, q: Values, v: Values, reference: AnyReference, dt: float, /) -> list[float]:
         """Return the torques as a list: for few joints, lists are quicker than arrays."""
         rows = zip(self._kp, self._kd, *reference[:2], q, v, strict=True)
         return [kp * (q_d - q) + kd * (v_d - v) for kp, kd, q_d, v_d, q, v in rows]
@@ -154,7 +153,7 @@ class PID(PD):
         self._ki = np.array(params.ki.of(self._robot.joints))
         self._inertia = np.array(params.feed_forward.of(self._robot.joints))
 
-    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
+    def efforts(self, q: Values, v: Values, reference: AnyReference, dt: float, /) -> list[float]:
         """See `PD`."""
         error = np.subtract(reference[0], q)
         proportional = np.array(super().efforts(q, v, reference, dt))
@@ -175,7 +174,7 @@ class PDGravity(PD):
     Siciliano et al., Robotics, 2009, section 8.5.1.
     """
 
-    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
+    def efforts(self, q: Values, v: Values, reference: AnyReference, dt: float, /) -> list[float]:
         """See `PD`."""
         gravity = self._robot.require_model().gravity_torque(q).tolist()
         return list(map(add, gravity, super().efforts(q, v, reference, dt)))
@@ -190,7 +189,7 @@ class ComputedTorque(PD):
 
     gains: ClassVar[Mapping[str, str]] = {"kp": "1/s²", "kd": "1/s"}
 
-    def efforts(self, q: Values, v: Values, reference: Three, dt: float, /) -> list[float]:
+    def efforts(self, q: Values, v: Values, reference: AnyReference, dt: float, /) -> list[float]:
         """See `PD`."""
         rows = zip(self._kp, self._kd, *reference, q, v, strict=True)
         a = [a_d + (kp * (q_d - q) + kd * (v_d - v)) for kp, kd, q_d, v_d, a_d, q, v in rows]

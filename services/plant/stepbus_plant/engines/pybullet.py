@@ -65,8 +65,7 @@ def _import_pybullet() -> Any:
 
 
 bullet = _import_pybullet()
-empty_clients: list[int] = []
-"""For the next worlds: to connect one takes ten times as long as to empty it."""
+empty_clients: list[int] = []  # to connect one takes ten times as long as to empty it
 
 
 def prepare() -> None:
