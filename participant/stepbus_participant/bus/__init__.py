@@ -78,7 +78,7 @@ class Bus(Protocol):
         """Return a queue for what callbacks get; waiting for it lets the bus work."""
 
     def every(self, period_s: float, call: Callable[[], None]) -> Callable[[], None]:
-        """Call a function every so often [s], on a thread of the bus; return what ends that."""
+        """Call a function every so often [s], where a put can block; return what ends that."""
 
     def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
         """Return a function that publishes bytes; it also takes `attachment=` bytes.

@@ -132,6 +132,7 @@ class ZenohBus:
     """
 
     clock: Clock = time
+    exchange = None
 
     def __init__(self, endpoint: Endpoint, run: str) -> None:
         import zenoh  # noqa: PLC0415  only opening a bus needs it
@@ -201,8 +202,6 @@ class ZenohBus:
             sink(Sample(self._key(sample), content, attachment, str(sample.encoding)))
 
         self._subscribe(key, on_sample)
-
-    exchange = None
 
     def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
         """Call `sink` with the content of each sample, on Zenoh's own receiving thread."""

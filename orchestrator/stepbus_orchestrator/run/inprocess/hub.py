@@ -231,10 +231,12 @@ class Hub:
         until_s = float("inf") if timeout_s is None else monotonic() + timeout_s
         while True:
             self.before()
-            # The root records what is complete soon: a long batch would make one step last.
             self.has_news = False
-            while ready and not self.has_news:
+            while ready:
                 ready.popleft().take_turn()
+                # The root records what is complete soon: a long batch would make one step last.
+                if self.has_news and has_come():
+                    return
             if has_come():
                 return
             if self._expire():

@@ -159,21 +159,40 @@ def test_the_greeting_of_pybullet_is_nowhere(tmp_path):
     assert [log.name for log in logs if "build time" in log.read_text()] == []
 
 
-def test_a_log_on_a_full_disk_fails_nobody_else():
-    def leave() -> int:
-        raise SystemExit("no room for this")
-
-    hub, heartbeat = Hub(time), Heartbeat()
+def worker(hub, words, program, log="/dev/null"):
     bus = LoopbackBus(make_queue=hub.queue)
     ticket = Ticket(
         run="r", name="worker", token="", endpoint=Endpoint(listen=[], connect=["this process"]),
         join_timeout_s=1.0, faults=[],
     )  # fmt: skip
-    hosted = HostedParticipant(
-        hub, ticket, LoopbackBus(bus, hub.queue), Path("/dev/full"), leave,
-        words=heartbeat.words, number=1, shown=False,
+    return HostedParticipant(
+        hub, ticket, bus, Path(log), program, words=words, number=1, shown=False
     )  # fmt: skip
+
+
+def test_a_log_on_a_full_disk_fails_nobody_else():
+    def leave() -> int:
+        raise SystemExit("no room for this")
+
+    hub, heartbeat = Hub(time), Heartbeat()
+    hosted = worker(hub, heartbeat.words, leave, "/dev/full")
     assert hosted.wait(5)
     hosted.end()
     heartbeat.close()
     assert hosted.exit_code() == 1
+
+
+def test_no_wait_is_over_while_a_participant_can_go_on():
+    hub, heartbeat, got = Hub(time), Heartbeat(), []
+    awaited, unread, asked = (hub.queue() for _ in range(3))
+    programs = (
+        lambda: got.append(awaited.get(timeout=60)) or 0,
+        lambda: awaited.put(asked.get()) or 0,
+        lambda: unread.put("news") or 0,
+        lambda: asked.put("answer") or 0,
+    )
+    for hosted in [worker(hub, heartbeat.words, program) for program in programs]:
+        assert hosted.wait(5)
+        hosted.end()
+    heartbeat.close()
+    assert got == ["answer"]
