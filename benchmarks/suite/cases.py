@@ -99,6 +99,7 @@ def parts() -> list[Case]:
     worlds = (("two_link", 4000), ("baxter", 400), ("boxes", 2000))
     return [
         _program("two_link, Gymnasium environment", "gym_case"),
+        _program("Gymnasium environment by hand", "peers.environment", steps=100_000),
         *(
             _program(f"plant alone, {world}, {engine}", "engine_case", world, engine, steps=steps)
             for world, steps in worlds

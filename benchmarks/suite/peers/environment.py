@@ -28,11 +28,8 @@ class Arm(gymnasium.Env[Vector, Vector]):
         self._plant.step(torques.tobytes())
         self._step += 1
         is_over = self._step >= self._steps
-        return self._observation(torques), 0.0, False, is_over, {"step": self._step}
-
-    def _observation(self, torques: Vector) -> Vector:
-        state = np.frombuffer(self._plant.state() + torques.tobytes() + reference(self._step))
-        return state.copy()
+        seen = np.frombuffer(self._plant.state() + torques.tobytes() + reference(self._step))
+        return seen.copy(), 0.0, False, is_over, {"step": self._step}
 
 
 def main(steps: int) -> None:
