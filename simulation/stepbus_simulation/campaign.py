@@ -16,7 +16,7 @@ from typing import Any
 from unittest.mock import patch
 
 from stepbus_orchestrator.recording import index
-from stepbus_orchestrator.run import run_scenario
+from stepbus_orchestrator.run import files
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_participant.parameters import parse_yaml
@@ -155,7 +155,7 @@ def _memoized() -> Iterator[Any]:
     """Parse and write each scenario once in this process: it costs a run most."""
     with (
         patch.object(index, "parse_yaml", _parse_yaml),
-        patch.object(run_scenario, "resolved", _resolved_once),
+        patch.object(files, "resolved", _resolved_once),
     ):
         yield
 

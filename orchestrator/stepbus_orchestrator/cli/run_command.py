@@ -19,9 +19,10 @@ from stepbus_orchestrator.run.extensions.external import External, external_name
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.profile import Profile
 from stepbus_orchestrator.run.extensions.real_time import RealTime
+from stepbus_orchestrator.run.folder import default_folder
 from stepbus_orchestrator.run.reports import Lateness, in_units
 from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of, run
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import parse_duration, whole_steps

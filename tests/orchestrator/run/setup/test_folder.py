@@ -9,7 +9,8 @@ import pytest
 import stepbus
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import RecordingFailed, StartFailed
-from stepbus_orchestrator.run.run_scenario import Options, default_folder, run
+from stepbus_orchestrator.run.folder import default_folder
+from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 
 
