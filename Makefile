@@ -79,8 +79,8 @@ nightly: setup robots
 	@$(MAKE) --no-print-directory pictures PICTURES=--check
 	@$(MAKE) --no-print-directory examples
 	@$(MAKE) --no-print-directory simulate SIMULATE='--runs 10000 --seed 3'
-	@$(MAKE) --no-print-directory campaign CAMPAIGN='--part runs --seed 3 --count 30 --patience 2.5'
-	@$(MAKE) --no-print-directory campaign CAMPAIGN='--part store --seed 3 --sales 15'
+	@$(MAKE) --no-print-directory campaign PART=campaign/test_runs.py CAMPAIGN='--seed=3 --count=30 --patience=2.5'
+	@$(MAKE) --no-print-directory campaign PART=campaign/store CAMPAIGN='--seed=3 --count=15'
 	@$(MAKE) --no-print-directory test-slow FRESH_EXAMPLES=
 
 chaos: setup
@@ -132,8 +132,10 @@ comparison: setup
 simulate: setup
 	@PYTHONPATH=simulation $(PYTHON) -m stepbus_simulation $(SIMULATE)
 
+# The parts are campaign/test_runs.py and campaign/store.
+PART := campaign
 campaign: setup
-	@$(PYTHON) -m campaign $(CAMPAIGN)
+	@$(PYTHON) -m pytest -v $(PART) $(CAMPAIGN)
 
 bench: setup
 	@$(PYTHON) -m benchmarks.suite $(BENCH)

@@ -13,10 +13,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import psutil
 
@@ -49,7 +49,7 @@ class Fault:
     and where its code is 0, with the recording of an undisturbed run. arguments, prepare: of
     `stepbus run`, and what happens before its start. stdout, stderr: where they go. takes_s: how
     long it takes until the fault strikes [s]. leaves: what may stay in the folder for temporary
-    files, since no process is left to remove it. cases: how often it comes in a whole campaign.
+    files, since no process is left to remove it.
     """
 
     strike: Strike | None = None
@@ -63,7 +63,6 @@ class Fault:
     stderr: str = "file"
     takes_s: float = 0.0
     leaves: bool = False
-    cases: int = 1
 
 
 def in_turn(*strikes: Strike) -> Strike:
@@ -74,11 +73,6 @@ def in_turn(*strikes: Strike) -> Strike:
             one(box, chance)
 
     return strike
-
-
-def one_of(box: Sandbox, options: Sequence[Any]) -> Any:
-    """Return what this case does of several things: the cases of a fault take them in turn."""
-    return options[box.notes["turn"] % len(options)]
 
 
 # --- signals --------------------------------------------------------------------------------
@@ -94,9 +88,9 @@ def to_participant(number: int) -> Strike:
     return strike
 
 
-def to_reaper(*numbers: int) -> Strike:
-    """Return a strike that sends one of these signals to the reaper."""
-    return lambda box, _chance: _send(box, "reaper", one_of(box, numbers))
+def to_reaper(number: int) -> Strike:
+    """Return a strike that sends a signal to the reaper."""
+    return lambda box, _chance: _send(box, "reaper", number)
 
 
 def _send(box: Sandbox, role: str, number: int) -> None:
@@ -107,9 +101,9 @@ def _send(box: Sandbox, role: str, number: int) -> None:
         process.send_signal(number)  # type: ignore[union-attr]
 
 
-def to_orchestrator(*numbers: int) -> Strike:
-    """Return a strike that sends one of these signals to the orchestrator."""
-    return lambda box, _chance: box.orchestrator.send_signal(one_of(box, numbers))
+def to_orchestrator(number: int) -> Strike:
+    """Return a strike that sends a signal to the orchestrator."""
+    return lambda box, _chance: box.orchestrator.send_signal(number)
 
 
 def storm(*numbers: int) -> Strike:
@@ -176,10 +170,10 @@ def stranger(
     """
     places = at or addresses
 
-    def strike(box: Sandbox, _chance: random.Random) -> None:
+    def strike(box: Sandbox, chance: random.Random) -> None:
         if not box.wait_for(lambda: places(box), START_S):
             raise Missed
-        words = [*(["--nobody"] if nobody else []), one_of(box, deeds), *places(box)]
+        words = [*(["--nobody"] if nobody else []), chance.choice(deeds), *places(box)]
         helper = subprocess.Popen(
             [sys.executable, str(_PROGRAM), *words],
             stdout=subprocess.PIPE,
@@ -218,9 +212,12 @@ def addresses(box: Sandbox) -> list[str]:
 
 
 FAULTS: dict[str, Fault] = {
-    "Ctrl-C, SIGTERM or SIGHUP": Fault(
-        strike=to_orchestrator(*ENDING), codes=STOPPED, endless=True, cases=3,
-    ),
+    **{
+        f"{number.name} to the orchestrator": Fault(
+            strike=to_orchestrator(number), codes=STOPPED, endless=True,
+        )
+        for number in ENDING
+    },
     "one of these, or several, at the end": Fault(
         strike=storm(*ENDING), codes=DONE | STOPPED, when=END,
     ),
@@ -228,9 +225,10 @@ FAULTS: dict[str, Fault] = {
         strike=in_turn(to_participant(signal.SIGSTOP), to_orchestrator(signal.SIGKILL)),
         codes=KILLED, endless=True,
     ),
-    "kill, terminate or stop the reaper": Fault(
-        strike=to_reaper(signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP), cases=3,
-    ),
+    **{
+        f"{number.name} to the reaper": Fault(strike=to_reaper(number))
+        for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP)
+    },
     "stop the reaper, then Ctrl-C": Fault(
         strike=in_turn(to_reaper(signal.SIGSTOP), to_orchestrator(signal.SIGINT)),
         codes=STOPPED, endless=True,
@@ -306,12 +304,14 @@ FAULTS: dict[str, Fault] = {
     "a caller asks nonsense and stops reading": Fault(
         strike=stranger("call", at=called), when=MIDDLE,
     ),
-    "strangers at the sockets": Fault(
-        strike=stranger("intrude", "flood", "half_handshake", "babble"), cases=4,
-    ),
-    "strangers on TCP": Fault(
-        strike=stranger("intrude", "flood", "half_handshake"), arguments=TCP, cases=3,
-    ),
+    **{
+        f"a stranger at the sockets: {deed}": Fault(strike=stranger(deed))
+        for deed in ("intrude", "flood", "half_handshake", "babble")
+    },
+    **{
+        f"a stranger on TCP: {deed}": Fault(strike=stranger(deed), arguments=TCP)
+        for deed in ("intrude", "flood", "half_handshake")
+    },
     "another user's nonsense on TCP": Fault(
         strike=stranger("babble", "intrude", "half_handshake", nobody=True), when=MIDDLE,
         arguments=TCP,

@@ -8,17 +8,20 @@ import random
 import subprocess
 import tempfile
 import time
-import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+
+import pytest
 
 from .faults import FAULTS, Fault, open_stream
 from .judge import ORPHAN_GRACE_S, Verdict, judge
 from .log_reader import result
 from .sandbox import STEPBUS, Missed, Sandbox, sandbox
 
+WHOLE = len(FAULTS)
+"""Cases of a whole campaign: each fault once."""
 MARGIN_S = 2.0
 """How much later than its deadline a run may end [s]."""
 HANG_S = 120.0
@@ -83,108 +86,73 @@ SCENARIOS: Mapping[str, Scenario] = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Reference:
-    """An undisturbed run: SHA-256 of its recording, how long it took [s], what was wrong with it.
-
-    wrong: exit code and output; empty where it finished.
-    """
-
-    sha256: str
-    seconds: float
-    wrong: str = ""
-
-
-@cache
-def reference(name: str, patience: float) -> Reference:
-    """Run a scenario undisturbed, once."""
-    words = SCENARIOS[name].patient(patience).arguments(name, endless=False)
-    # The deadlines are in the recording, so they must be the same, also on a machine that is busy.
-    for _ in range(_ATTEMPTS):
-        found = _reference(words)
-        if not found.wrong:
-            break
-    return found
-
-
-def _reference(words: Sequence[str]) -> Reference:
-    with tempfile.TemporaryDirectory(prefix="sbc-") as folder:
-        out, began = Path(folder) / "run", time.monotonic()
-        command = [STEPBUS, "run", *words, "--no-report", "--out", str(out)]
-        done = subprocess.run(
-            command, check=False, capture_output=True, text=True, timeout=_LONGEST_S
-        )
-        content, seconds = result(out), time.monotonic() - began
-        if done.returncode or content is None:
-            said = (done.stdout + done.stderr)[-2000:]
-            return Reference("", seconds, f"exit code {done.returncode}: {said}")
-        return Reference(content["sha256"], seconds)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One run, and what strikes it when. turn: counts the cases of a fault."""
+    """One run, and what strikes it when."""
 
-    number: int
     fault: str
     scenario: str
     moment: str
-    turn: int = 0
 
     def __str__(self) -> str:
-        """Return the case in words."""
-        return f"#{self.number} {self.fault}, {self.scenario}, {self.moment}"
+        return f"{self.fault}, {self.scenario}, {self.moment}"
 
 
-WHOLE = sum(fault.cases for fault in FAULTS.values())
-"""How many cases a whole campaign has."""
-
-
-def cases(count: int, seed: int) -> list[Case]:
-    """Return the cases: every fault as often as its row says, on all scenarios, at all moments."""
+def cases(seed: int, count: int = WHOLE) -> list[Case]:
+    """Return the cases: every fault once, on all scenarios, at all moments."""
     chance = random.Random(seed)
-    names = _dealt(chance, [name for name, row in FAULTS.items() for _ in range(row.cases)])
-    scenarios = _dealt(chance, [name for name, row in SCENARIOS.items() for _ in range(row.weight)])
-    moments = {name: _dealt(chance, row.when) for name, row in FAULTS.items()}
-    turns = {name: itertools.count(chance.randrange(60)) for name in FAULTS}
+    names = [name for name, row in SCENARIOS.items() for _ in range(row.weight)]
+    faults = chance.sample(list(FAULTS), WHOLE)[:count]
+    scenarios = itertools.cycle(chance.sample(names, len(names)))
     return [
-        Case(
-            number=number,
-            fault=name,
-            scenario=next(scenarios),
-            moment=next(moments[name]),
-            turn=next(turns[name]),
-        )
-        for number, name in enumerate(itertools.islice(names, count))
+        Case(fault=fault, scenario=next(scenarios), moment=chance.choice(FAULTS[fault].when))
+        for fault in faults
     ]
 
 
-def _dealt(chance: random.Random, cards: Sequence[str]) -> Iterator[str]:
-    """Yield all cards in a random order, again and again."""
-    while True:
-        yield from chance.sample(cards, len(cards))
+@pytest.mark.timeout(3600)
+def test_run_keeps_its_promises(
+    case: Case, pytestconfig: pytest.Config, record_property: Callable[[str, object], None]
+) -> None:
+    """Strike a run, and judge it; skip the case where the run ended before the fault."""
+    seed, patience = pytestconfig.getoption("--seed"), pytestconfig.getoption("--patience")
+    verdict = run_case(case, seed, patience)
+    record_property("exit code", verdict.code)
+    record_property("end [s]", round(verdict.seconds, 1))
+    if verdict.broken:
+        said = [f"reason: {verdict.said}", f"output: {verdict.output[-400:]!r}"]
+        pytest.fail("\n".join([*verdict.broken, *said]), pytrace=False)
+    if verdict.missed:
+        pytest.skip("the run ended before the fault")
 
 
-def strike(rows: list[Case], seed: int, patience: float) -> Iterator[tuple[Case, Verdict]]:
-    """Run every case and yield what came of it.
+@cache
+def reference(name: str, patience: float) -> tuple[str, float]:
+    """Run a scenario undisturbed, once; return the SHA-256 of its recording, and its time [s].
 
-    patience: factor of all deadlines; see `_limit_s`.
+    Raises RuntimeError where it does not finish.
     """
-    for case in rows:
-        try:
-            yield case, run_case(case, seed, patience)
-        except Exception:  # noqa: BLE001  (one case must not end the campaign)
-            yield case, Verdict(None, 0.0, [f"the campaign: {traceback.format_exc()}"])
+    words = SCENARIOS[name].patient(patience).arguments(name, endless=False)
+    # The deadlines are in the recording, so they must be the same, also on a machine that is busy.
+    for _ in range(_ATTEMPTS):
+        with tempfile.TemporaryDirectory(prefix="sbc-") as folder:
+            out, began = Path(folder) / "run", time.monotonic()
+            command = [STEPBUS, "run", *words, "--no-report", "--out", str(out)]
+            done = subprocess.run(
+                command, check=False, capture_output=True, text=True, timeout=_LONGEST_S
+            )
+            content, seconds = result(out), time.monotonic() - began
+        if not done.returncode and content is not None:
+            return content["sha256"], seconds
+    said = (done.stdout + done.stderr)[-2000:]
+    raise RuntimeError(f"the undisturbed run failed: exit code {done.returncode}: {said}")
 
 
 def run_case(case: Case, seed: int, patience: float) -> Verdict:
     """Run one scenario, strike, and judge; again where the run ended before the fault."""
     undisturbed = None if FAULTS[case.fault].endless else reference(case.scenario, patience)
-    if undisturbed is not None and undisturbed.wrong:
-        said = f"the undisturbed run failed: {undisturbed.wrong}"
-        return Verdict(None, undisturbed.seconds, [said])
     for attempt in range(_ATTEMPTS):
-        chance = random.Random(f"{seed} {attempt} {case.number} {case.fault}")
+        chance = random.Random(f"{seed} {attempt} {case}")
         verdict = _run_once(case, chance, patience, undisturbed)
         if not verdict.missed:
             break
@@ -192,14 +160,13 @@ def run_case(case: Case, seed: int, patience: float) -> Verdict:
 
 
 def _run_once(
-    case: Case, chance: random.Random, patience: float, undisturbed: Reference | None
+    case: Case, chance: random.Random, patience: float, undisturbed: tuple[str, float] | None
 ) -> Verdict:
     fault, scenario = FAULTS[case.fault], SCENARIOS[case.scenario].patient(patience)
     with sandbox() as box:
         box.notes["participants"] = scenario.participants
-        box.notes["turn"] = case.turn
         box.notes["grace_s"] = ORPHAN_GRACE_S if patience <= 1.0 else HANG_S
-        box.notes["reference"] = None if undisturbed is None else undisturbed.sha256
+        box.notes["reference"] = undisturbed and undisturbed[0]
         before = fault.prepare(box, chance) if fault.prepare else None
         words = [*scenario.arguments(case.scenario, endless=fault.endless), *fault.arguments]
         # A report takes as long as the run was, which would hide how long the end took.
@@ -246,14 +213,14 @@ def _await_moment(box: Sandbox, moment: str, chance: random.Random) -> None:
         time.sleep(chance.uniform(0.0, 0.6))
 
 
-def _limit_s(case: Case, undisturbed: Reference | None, patience: float) -> float:
+def _limit_s(case: Case, undisturbed: tuple[str, float] | None, patience: float) -> float:
     """Return how long after the fault a run may take [s]: its deadlines and 2 s.
 
     A run that ends by itself has its own time besides, thrice: others may be at work. With
     patience, only what hangs is late: how fast the machine is decides nothing.
     """
     fault, scenario = FAULTS[case.fault], SCENARIOS[case.scenario].patient(patience)
-    working = 0.0 if undisturbed is None else 15.0 + 3.0 * undisturbed.seconds
+    working = 0.0 if undisturbed is None else 15.0 + 3.0 * undisturbed[1]
     # A participant may spawn in time, and then not join.
     start = 2.0 * scenario.start_s if case.moment == "start" else 0.0
     # A stopped participant misses its deadline, and then that of the end.
