@@ -135,7 +135,7 @@ simulate: setup
 # The parts are campaign/test_runs.py and campaign/store.
 PART := campaign
 campaign: setup
-	@$(PYTHON) -m pytest -v $(PART) $(CAMPAIGN)
+	@$(PYTHON) -m pytest -vv $(PART) $(CAMPAIGN)
 
 bench: setup
 	@$(PYTHON) -m benchmarks.suite $(BENCH)

@@ -71,16 +71,17 @@ class Sandbox:
         before: Callable[[], None] | None = None,
     ) -> None:
         """Start `stepbus run …`; stdout and stderr go to files by default."""
-        self.process = subprocess.Popen(
-            [STEPBUS, "run", *arguments, "--out", str(self.out)],
-            stdin=subprocess.DEVNULL,
-            stdout=stdout if stdout is not None else (self.home / "stdout").open("wb"),
-            stderr=stderr if stderr is not None else (self.home / "stderr").open("wb"),
-            env={**os.environ, MARK: self.mark, "TMPDIR": str(self.temporary)},
-            cwd=self.home,
-            preexec_fn=lambda: _prepare(before),  # noqa: PLW1509  (the campaign has one thread)
-            start_new_session=True,
-        )
+        with (self.home / "stdout").open("wb") as out, (self.home / "stderr").open("wb") as error:
+            self.process = subprocess.Popen(
+                [STEPBUS, "run", *arguments, "--out", str(self.out)],
+                stdin=subprocess.DEVNULL,
+                stdout=out if stdout is None else stdout,
+                stderr=error if stderr is None else stderr,
+                env={**os.environ, MARK: self.mark, "TMPDIR": str(self.temporary)},
+                cwd=self.home,
+                preexec_fn=lambda: _prepare(before),  # noqa: PLW1509  (the campaign has one thread)
+                start_new_session=True,
+            )
 
     def mount(self, name: str, options: str) -> bool:
         """Mount a file system in memory on a folder; return whether this user may."""
@@ -169,8 +170,8 @@ def sandbox() -> Iterator[Sandbox]:
         yield box
     finally:
         for helper in box.helpers:
-            helper.kill()
-            helper.wait()
+            with helper:
+                helper.kill()
         for process in box.processes():
             with contextlib.suppress(psutil.Error):
                 process.kill()
