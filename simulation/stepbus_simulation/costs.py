@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from .execution import Execution
+from .network import Link, Parcel
 from .programs import SCENARIOS
 from .tape import FOLDER, Knobs, Tape
 
@@ -31,27 +32,27 @@ def costs() -> dict[str, dict[str, Any]]:
 
 
 def _cost(tape: Tape) -> dict[str, Any]:
-    """Return how long a run takes [µs], who waits and computes how long, and what is put how often.
+    """Return how long a run takes [µs], who waits and computes how long, and how often each sends.
 
-    A put counts once, however many read it. Sizes of messages are left out: they have paths and
-    versions of this machine.
+    A message counts once for each reader. Sizes are left out: they have paths and versions of this
+    machine.
     """
-    puts: Counter[str] = Counter()
+    sent: Counter[str] = Counter()
 
-    def count(name: str, key: str, data: bytes) -> list[bytes]:
-        puts[f"{name}: {key.partition('/')[0]}"] += 1
-        return [data]
+    def count(link: Link, key: str, data: bytes) -> list[Parcel]:
+        sent[f"{link.source.process.name}: {key.partition('/')[0]}"] += 1
+        return [Parcel(data)]
 
     with TemporaryDirectory(dir=FOLDER) as folder:
         execution = Execution(tape, Path(folder) / "run")
-        execution.network.alter = count
+        execution.network.change = count
         execution.run()
     state = execution.watch.state
     return {
         "lasts": execution.orchestrator.ended_ns // 1000,
         "waited": {name: waited // 1000 for name, waited in sorted(state.waited.items())},
         "computed": {name: total // 1000 for name, (total, _) in sorted(state.compute.items())},
-        "puts": dict(sorted(puts.items())),
+        "sent": dict(sorted(sent.items())),
     }
 
 

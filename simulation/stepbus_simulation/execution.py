@@ -30,7 +30,7 @@ from stepbus_schemas import StepbusError
 from .disk import SimulatedDisk
 from .escapes import Escape, no_escapes
 from .host import SimulatedHost
-from .network import Link, Network
+from .network import Link, Network, Parcel
 from .programs import CALLS, scenario
 from .tape import MS, ORCHESTRATOR, Fault, Tape
 from .world import NS, Livelock, Process, World
@@ -40,6 +40,9 @@ _REAL_S = 30
 _ENDS_NS = NS
 """What a run may take beside its deadlines and faults."""
 _THAW_NS = 100 * MS
+
+Change = Callable[[Link, Parcel], list[Parcel]]
+"""Takes what a link was to carry, and returns what it carries."""
 
 
 class Execution:
@@ -61,7 +64,7 @@ class Execution:
         self.world = World(keeps_trace=keeps_trace)
         self.network = Network(self.world, tape.knobs)
         self.network.on_link = self._link_is_made
-        self.network.alter = self._altered
+        self.network.change = self._changed
         self.orchestrator = Process(self.world, ORCHESTRATOR, self._orchestrate)
         self.disk = SimulatedDisk(self.orchestrator)
         self.host = SimulatedHost(self.network, self.orchestrator, self.disk, self._wrap)
@@ -83,7 +86,7 @@ class Execution:
         self._injected = {
             self._fault_of(fault): fault for fault in tape.faults if fault.kind in FAULT_TYPES
         }
-        self._alter: dict[tuple[str, str], list[Callable[[bytes], list[bytes]]]] = defaultdict(list)
+        self._changes: list[tuple[str, str, str, Change]] = []
 
     # --- what the kinds of faults use -------------------------------------------------------
 
@@ -129,9 +132,12 @@ class Execution:
         for act in () if self.is_healed else self._in_step.get((name, step), ()):
             act()
 
-    def alter(self, name: str, what: str, act: Callable[[bytes], list[bytes]]) -> None:
-        """Let a function return what a process sends instead; what: `out`, `log` or other."""
-        self._alter[name, what].append(act)
+    def on_message(self, source: str, target: str, key: str, change: Change) -> None:
+        """Let a function return what links carry in place of messages.
+
+        source, target: processes. key: the first part of one, such as `out`. Empty: any.
+        """
+        self._changes.append((source, target, key, change))
 
     # --- how they take effect ---------------------------------------------------------------
 
@@ -175,11 +181,13 @@ class Execution:
         for act in self._on_start[name]:
             act(self.host.participants[name].process)
 
-    def _altered(self, name: str, key: str, data: bytes) -> list[bytes]:
-        contents = [data]
-        for act in self._alter.get((name, key.partition("/")[0]), ()):
-            contents = [new for content in contents for new in act(content)]
-        return contents
+    def _changed(self, link: Link, key: str, data: bytes) -> list[Parcel]:
+        here = link.source.process.name, link.target.process.name, key.partition("/")[0]
+        parcels = [Parcel(data)]
+        for *wanted, change in self._changes:
+            if all(not one or one == other for one, other in zip(wanted, here, strict=True)):
+                parcels = [new for parcel in parcels for new in change(link, parcel)]
+        return parcels
 
     def _wrap(self, name: str, factory: Any) -> Any:
         execution, compute_us = self, self.tape.knobs.compute_us

@@ -95,7 +95,11 @@ def test_a_failing_tape_is_shrunk_to_what_matters():
     [
         ("compute", "plant", "plant .* has been computing for"),
         ("compute", "controller", "controller .* has been computing for"),
-        ("no_triggers", "controller", "controller .* waiting for the trigger .*, which was sent"),
+        (
+            "no_triggers",
+            "orchestrator>controller",
+            "controller .* waiting for the trigger .*, which was sent",
+        ),
     ],
 )
 def test_a_report_of_a_wait_that_crosses_its_end_explains_nothing(kind, target, sentence):
