@@ -7,19 +7,10 @@ import shutil
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from functools import cache
+from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
-from typing import Any
-from unittest.mock import patch
 
-from stepbus_orchestrator.recording import index
-from stepbus_orchestrator.run import run_scenario
-from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_orchestrator.scenario.resolve import resolved
-from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import reached_marks
 
 from .draw import Draw, draw_knobs
@@ -129,35 +120,12 @@ def execute(tape: Tape, *, keeps_trace: bool = False) -> tuple[Execution, list[s
     folder = Path(FOLDER) / f"stepbus-sim-{os.getpid():07}"
     folder.mkdir()
     try:
-        with _memoized():
-            execution = Execution(tape, folder / "run", keeps_trace=keeps_trace)
-            arm(execution)
-            execution.run()
-            return execution, list(judge(execution))
+        execution = Execution(tape, folder / "run", keeps_trace=keeps_trace)
+        arm(execution)
+        execution.run()
+        return execution, list(judge(execution))
     finally:
         shutil.rmtree(folder)
-
-
-_parse_yaml = cache(parse_yaml)
-_texts: dict[tuple[str, int | None], str] = {}
-
-
-def _resolved_once(scenario: Scenario) -> str:
-    # Knobs are not in it, and faults would strike what is done with the recording.
-    key = scenario.name, scenario.steps
-    if key not in _texts:
-        _texts[key] = resolved(replace(scenario, faults=()))
-    return _texts[key]
-
-
-@contextmanager
-def _memoized() -> Iterator[Any]:
-    """Parse and write each scenario once in this process: it costs a run most."""
-    with (
-        patch.object(index, "parse_yaml", _parse_yaml),
-        patch.object(run_scenario, "resolved", _resolved_once),
-    ):
-        yield
 
 
 def fingerprint(problem: str) -> str:

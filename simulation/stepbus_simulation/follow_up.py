@@ -112,6 +112,7 @@ def _hosted(host: SimulatedHost) -> Iterator[None]:
     """Let all that runs from a recording run on a simulated host."""
 
     def run(scenario: Scenario, options: run_scenario.Options, *more: Any) -> Result:
+        scenario = dataclasses.replace(scenario, faults=())
         return run_scenario.run(scenario, dataclasses.replace(options, host=host), *more)
 
     # The package has functions of the same names.

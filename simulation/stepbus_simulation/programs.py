@@ -1,8 +1,10 @@
 """The participants of simulated runs, and their scenarios: small, coupled in a loop, repeatable."""
 
+import contextlib
 import math
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar
 
 import msgspec
@@ -11,12 +13,13 @@ from stepbus import Description, Method, Participant, Scenario, Step, load
 from stepbus.messages import Image, JointCommand, JointReference, JointState
 from stepbus_schemas import CallRecord
 
-from .tape import MS, Knobs
+from .tape import FOLDER, MS, Knobs
 
 STEP_NS = 5 * MS
 _STEP_S = 1e-9 * STEP_NS
 ENDS_AT = 40
 """The step at which a mission asks for the end, in the scenario that has such a one."""
+_EMPTY = Path(FOLDER) / "stepbus-sim"
 
 
 class Plant(Participant):
@@ -225,7 +228,10 @@ def scenario(name: str, steps: int, knobs: Knobs) -> Scenario:
 
 @cache
 def _loaded(name: str, steps: int, knobs: Knobs) -> Scenario:
-    return load(as_data(name, steps, knobs))
+    # A scenario has the files of its folder, which takes longest to read.
+    _EMPTY.mkdir(exist_ok=True)
+    with contextlib.chdir(_EMPTY):
+        return load(as_data(name, steps, knobs))
 
 
 def as_data(name: str, steps: int, knobs: Knobs) -> dict[str, Any]:
