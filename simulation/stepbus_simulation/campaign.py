@@ -1,15 +1,14 @@
-"""Many simulated runs: drawn, in processes beside each other, counted, and what fails shrunk."""
+"""Many simulated runs: drawn, in processes beside each other, and what fails shrunk."""
 
-import gc
 import os
 import re
 import shutil
-from collections import Counter, defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from itertools import repeat
 from pathlib import Path
 from random import Random
+from typing import NamedTuple
 
 from stepbus_schemas import reached_marks
 
@@ -60,58 +59,17 @@ def _isolation(draw: Draw) -> Iterator[Fault]:
             yield Fault("cut", f"{one}>{other}", at, draw.lasting())
 
 
-@dataclass
-class Failure:
-    """A run in which something did not hold. number: of its tape. tape: the shortest such one."""
+class Outcome(NamedTuple):
+    """What became of a tape.
 
-    number: int
-    tape: Tape
-    problem: str
-
-
-@dataclass
-class Count:
-    """What happened in some runs.
-
-    effective: kind → runs that it struck. codes: exit code → runs. codes_of: kind → the exit codes
-    of runs that it struck. marks: that were reached. then: what was done with recordings.
+    code: the exit code, `refused` or `killed`. kinds: of the faults that struck. problem: what did
+    not hold; empty: all did.
     """
 
-    runs: int = 0
-    simulated_s: float = 0.0
-    effective: Counter[str] = field(default_factory=Counter)
-    codes: Counter[str] = field(default_factory=Counter)
-    codes_of: dict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
-    marks: set[str] = field(default_factory=set)
-    then: Counter[str] = field(default_factory=Counter)
-    failures: list[Failure] = field(default_factory=list)
-
-    def add(self, other: "Count") -> None:
-        """Add what happened in other runs."""
-        self.runs += other.runs
-        self.simulated_s += other.simulated_s
-        self.effective.update(other.effective)
-        self.codes.update(other.codes)
-        self.then.update(other.then)
-        for kind, codes in other.codes_of.items():
-            self.codes_of[kind] |= codes
-        self.marks |= other.marks
-        self.failures += other.failures
-
-    def add_run(self, number: int, execution: Execution, problems: list[str]) -> None:
-        """Add one run."""
-        self.runs += 1
-        self.simulated_s += execution.world.now_ns * 1e-9
-        code = "refused" if execution.refusal is not None else "killed"
-        if execution.result is not None:
-            code = str(int(execution.result.exit_code))
-        self.codes[code] += 1
-        self.then[execution.tape.then or "nothing"] += 1
-        for kind in {fault.kind for fault in execution.effective}:
-            self.effective[kind] += 1
-            self.codes_of[kind].add(code)
-        if problems:
-            self.failures.append(Failure(number, execution.tape, problems[0]))
+    tape: Tape
+    code: str
+    kinds: frozenset[str]
+    problem: str
 
 
 def execute(tape: Tape, *, keeps_trace: bool = False) -> tuple[Execution, list[str]]:
@@ -133,35 +91,35 @@ def fingerprint(problem: str) -> str:
     return re.sub(r"\S*/\S*|\d+(\.\d+)?", "#", problem)[:60]
 
 
-def run_numbers(seed: int, first: int, count: int) -> Count:
-    """Run the tapes of some numbers."""
-    total = Count()
-    for number in range(first, first + count):
-        total.add_run(number, *execute(draw_tape(seed, number)))
-    gc.collect()
-    total.marks = reached_marks()
-    return total
+def run_numbers(seed: int, first: int, end: int) -> tuple[list[Outcome], set[str]]:
+    """Run the tapes of some numbers; return what became of each, and all marks reached so far."""
+    tapes = [draw_tape(seed, number) for number in range(first, end)]
+    return [_outcome(tape) for tape in tapes], reached_marks()
 
 
-def campaign(seed: int, runs: int, jobs: int) -> Iterator[Count]:
-    """Yield what happened, chunk by chunk, in order."""
-    chunks = [(number, min(CHUNK, runs - number)) for number in range(0, runs, CHUNK)]
+def _outcome(tape: Tape) -> Outcome:
+    execution, problems = execute(tape)
+    code = "refused" if execution.refusal is not None else "killed"
+    if execution.result is not None:
+        code = str(int(execution.result.exit_code))
+    kinds = frozenset(fault.kind for fault in execution.effective)
+    return Outcome(tape, code, kinds, problems[0] if problems else "")
+
+
+def campaign(seed: int, runs: int, jobs: int) -> Iterator[tuple[list[Outcome], set[str]]]:
+    """Yield what became of the tapes of a seed, chunk by chunk, in order."""
+    firsts = range(0, runs, CHUNK)
+    ends = (min(first + CHUNK, runs) for first in firsts)
     with ProcessPoolExecutor(jobs) as pool:
-        futures = [pool.submit(run_numbers, seed, *chunk) for chunk in chunks]
-        try:
-            for future in futures:
-                yield future.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+        yield from pool.map(run_numbers, repeat(seed), firsts, ends)
 
 
-def shortest(failure: Failure) -> Failure:
-    """Return a failure with the shortest tape that fails in the same way."""
-    kind = fingerprint(failure.problem)
+def shortest(tape: Tape, problem: str) -> tuple[Tape, str]:
+    """Return the shortest tape that fails in the same way, and what does not hold of it."""
+    kind = fingerprint(problem)
 
-    def fails(tape: Tape) -> bool:
-        return any(fingerprint(problem) == kind for problem in execute(tape)[1])
+    def failing(tape: Tape) -> list[str]:
+        return [one for one in execute(tape)[1] if fingerprint(one) == kind]
 
-    tape = shrink(failure.tape, fails)
-    problems = [problem for problem in execute(tape)[1] if fingerprint(problem) == kind]
-    return Failure(failure.number, tape, (problems or [failure.problem])[0])
+    tape = shrink(tape, lambda tape: bool(failing(tape)))
+    return tape, next(iter(failing(tape)), problem)
