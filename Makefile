@@ -22,7 +22,7 @@ help:
 	@echo "make robots     install stepbus-store, with the robots of store and baxter (414 MB)"
 	@echo "make robots-page load robots of other packages and make the page of their numbers (200 MB; 15 min)"
 	@echo "make simulate   simulate 10,000 runs with random faults (4 min)"
-	@echo "make campaign   judge real runs with 48 external faults, and 64 sales (30 min)"
+	@echo "make campaign   judge real runs with 40 external faults, and 64 sales (30 min)"
 	@echo "make release-check try the release as its users will: build, install, run (20 min)"
 	@echo "make lint-workflows check the GitHub workflows and the citation (part of check)"
 	@echo "make bench      measure steps/s and CPU time, compared with HELICS, mosaik and hand-written chains"

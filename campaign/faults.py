@@ -1,12 +1,12 @@
 """Every type of fault from outside: a row says what strikes when, and what may come of it.
 
-What `--fault` or the simulator has is not here, but for what needs a real kernel.
+What `--fault` or the simulator has is not here, but for what needs a real kernel; a test has each
+stream that is full, closed or not read (tests/orchestrator/cli/test_endings.py).
 """
 
 from __future__ import annotations
 
 import contextlib
-import os
 import random
 import select
 import signal
@@ -47,9 +47,9 @@ class Fault:
     that failed must name: the participant that was `hit`, `nobody`, or `any`. when: the moments at
     which it may strike. endless: the run ends only by the fault; otherwise it must end by itself,
     and where its code is 0, with the recording of an undisturbed run. arguments, prepare: of
-    `stepbus run`, and what happens before its start. stdout, stderr: where they go. takes_s: how
-    long it takes until the fault strikes [s]. leaves: what may stay in the folder for temporary
-    files, since no process is left to remove it.
+    `stepbus run`, and what happens before its start. takes_s: how long it takes until the fault
+    strikes [s]. leaves: what may stay in the folder for temporary files, since no process is left
+    to remove it.
     """
 
     strike: Strike | None = None
@@ -59,8 +59,6 @@ class Fault:
     endless: bool = False
     arguments: tuple[str, ...] = ()
     prepare: disks.Prepare | None = None
-    stdout: str = "file"
-    stderr: str = "file"
     takes_s: float = 0.0
     leaves: bool = False
 
@@ -120,42 +118,6 @@ def storm(*numbers: int) -> Strike:
 def pause(_box: Sandbox, _chance: random.Random) -> None:
     """Wait a second between two strikes."""
     time.sleep(1.0)
-
-
-# --- standard output and error --------------------------------------------------------------
-
-
-def open_stream(name: str) -> tuple[int | None, list[int]]:
-    """Return the descriptor for a stream of the run, and those to close after it.
-
-    None: a file of the sandbox.
-    """
-    if name == "file":
-        return None, []
-    if name == "full":
-        descriptor = os.open("/dev/full", os.O_WRONLY)
-        return descriptor, [descriptor]
-    read, write = os.openpty() if "terminal" in name else os.pipe()
-    if name in {"unread", "full terminal"}:
-        _fill(write)
-    if name == "closed":
-        os.close(read)
-        return write, [write]
-    return write, [write, read]
-
-
-def _fill(write: int) -> None:
-    """Leave a pipe or terminal no room for the first line of the run."""
-    os.set_blocking(write, False)
-    with contextlib.suppress(BlockingIOError):
-        while os.write(write, bytes(4096)):
-            pass
-    os.set_blocking(write, True)
-
-
-def close_reader(box: Sandbox, _chance: random.Random) -> None:
-    """Close the other end of the pipe or terminal that the run writes to."""
-    os.close(box.notes["opened"].pop())
 
 
 # --- strangers on the sockets and ports of a run --------------------------------------------
@@ -268,16 +230,6 @@ FAULTS: dict[str, Fault] = {
     "the sockets are removed": Fault(
         strike=disks.remove_temporary_files, codes=ANY_END, blames="any",
     ),
-    "stdout is a closed pipe": Fault(when=START, stdout="closed"),
-    "nobody reads stdout": Fault(when=START, stdout="unread"),
-    "nobody reads the terminal": Fault(when=START, stdout="full terminal"),
-    "the reader of stdout goes": Fault(strike=close_reader, stdout="pipe"),
-    "the terminal goes": Fault(strike=close_reader, codes=DONE | STOPPED, stdout="terminal"),
-    "stderr is closed, stdout full": Fault(when=START, stderr="closed", stdout="full"),
-    "a failure that nobody reads": Fault(
-        strike=to_participant(signal.SIGKILL), codes=DEAD, when=MIDDLE, endless=True,
-        stdout="unread", stderr="unread", blames="hit", takes_s=2.0,
-    ),
     "few files (ulimit -n)": Fault(
         prepare=disks.few_files, codes=LIMITED, when=START, blames="any",
     ),
@@ -306,19 +258,19 @@ FAULTS: dict[str, Fault] = {
     ),
     **{
         f"a stranger at the sockets: {deed}": Fault(strike=stranger(deed))
-        for deed in ("intrude", "flood", "half_handshake", "babble")
+        for deed in ("intrude", "flood", "babble")
     },
     **{
         f"a stranger on TCP: {deed}": Fault(strike=stranger(deed), arguments=TCP)
-        for deed in ("intrude", "flood", "half_handshake")
+        for deed in ("intrude", "flood", "babble")
     },
     "another user's nonsense on TCP": Fault(
-        strike=stranger("babble", "intrude", "half_handshake", nobody=True), when=MIDDLE,
+        strike=stranger("babble", "intrude", nobody=True), when=MIDDLE,
         arguments=TCP,
     ),
     # Zenoh accepts ten refused connections a second: links may not get through (security.md).
     "another user's nonsense on TCP at the start": Fault(
-        strike=stranger("babble", "intrude", "half_handshake", nobody=True),
+        strike=stranger("babble", "intrude", nobody=True),
         codes=frozenset({0, 7}), when=START, arguments=TCP,
     ),
     "another user at the sockets": Fault(

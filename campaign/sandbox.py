@@ -62,21 +62,14 @@ class Sandbox:
             raise RuntimeError("no process was started")
         return self.process
 
-    def start(
-        self,
-        arguments: Sequence[str],
-        *,
-        stdout: int | None = None,
-        stderr: int | None = None,
-        before: Callable[[], None] | None = None,
-    ) -> None:
-        """Start `stepbus run …`; stdout and stderr go to files by default."""
+    def start(self, arguments: Sequence[str], before: Callable[[], None] | None = None) -> None:
+        """Start `stepbus run …`; before: what its process does first."""
         with (self.home / "stdout").open("wb") as out, (self.home / "stderr").open("wb") as error:
             self.process = subprocess.Popen(
                 [STEPBUS, "run", *arguments, "--out", str(self.out)],
                 stdin=subprocess.DEVNULL,
-                stdout=out if stdout is None else stdout,
-                stderr=error if stderr is None else stderr,
+                stdout=out,
+                stderr=error,
                 env={**os.environ, MARK: self.mark, "TMPDIR": str(self.temporary)},
                 cwd=self.home,
                 preexec_fn=lambda: _prepare(before),  # noqa: PLW1509  (the campaign has one thread)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import random
 import subprocess
 import tempfile
@@ -15,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from .faults import FAULTS, Fault, open_stream
+from .faults import FAULTS, Fault
 from .judge import ORPHAN_GRACE_S, Verdict, judge
 from .log_reader import result
 from .sandbox import STEPBUS, Missed, Sandbox, sandbox
@@ -171,20 +170,13 @@ def _run_once(
         words = [*scenario.arguments(case.scenario, endless=fault.endless), *fault.arguments]
         # A report takes as long as the run was, which would hide how long the end took.
         words += [] if case.moment == "end" else ["--no-report"]
-        output, opened = open_stream(fault.stdout)
-        errors, opened_too = open_stream(fault.stderr)
-        # The reader's end of stdout comes last: a fault may close it.
-        box.notes["opened"] = opened_too + opened
-        box.start(words, stdout=output, stderr=errors, before=before)
+        box.start(words, before)
         _await_moment(box, case.moment, chance)
         box.faulted_at = time.monotonic()
         box.notes["missed"] = not has_struck(box, fault, chance)
         # What strikes may have to start first, or wait between two blows.
         box.faulted_at = time.monotonic()
-        verdict = judge(box, fault, _limit_s(case, undisturbed, patience))
-        for descriptor in box.notes["opened"]:
-            os.close(descriptor)
-    return verdict
+        return judge(box, fault, _limit_s(case, undisturbed, patience))
 
 
 def has_struck(box: Sandbox, fault: Fault, chance: random.Random) -> bool:

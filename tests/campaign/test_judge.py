@@ -204,7 +204,7 @@ def test_the_arguments_of_every_scenario_are_valid(name):
 @pytest.mark.slow
 def test_an_undisturbed_run_that_fails_is_an_error_with_its_output(monkeypatch):
     monkeypatch.setitem(SCENARIOS, "two_link", Scenario(duration="7us"))
-    case = Case(fault="stdout is a closed pipe", scenario="two_link", moment="start")
+    case = Case(fault="the logs are removed", scenario="two_link", moment="middle")
     with pytest.raises(RuntimeError, match=r"undisturbed run failed[\s\S]*not a whole number"):
         run_case(case, 1, 2.0)
 
