@@ -26,7 +26,6 @@ CHUNK = 250
 
 _ISOLATION = 0.5
 _THEN = [*([""] * 27), *FOLLOW_UPS]
-_NAMES = {name: list(make()) for name, make in SCENARIOS.items()}
 
 
 def draw_tape(seed: int, number: int) -> Tape:
@@ -36,7 +35,7 @@ def draw_tape(seed: int, number: int) -> Tape:
     kinds = random.sample(list(KINDS), random.choice([1, 1, 2, 3, 5]))
     needed = [KINDS[kind].needs for kind in kinds if KINDS[kind].needs]
     name = random.choice(needed or list(SCENARIOS))
-    names, knobs = _NAMES[name], draw_knobs(random)
+    names, knobs = list(SCENARIOS[name]), draw_knobs(random)
     preferred = random.choice(["", random.choice(names)])
     draw = Draw(random=random, names=names, steps=steps, preferred=preferred, knobs=knobs)
     count = min(1 + int(random.expovariate(0.7)), 8)

@@ -1,5 +1,7 @@
 """Runs a tape: the production code, on a simulated host, with what goes wrong."""
 
+from __future__ import annotations
+
 import contextlib
 import dataclasses
 import io
@@ -53,7 +55,8 @@ class Execution:
     result: of the run; None where there is none. refusal: the error that it raised instead, one of
     ours. crash: the traceback of any other. late: what had not ended in time. effective: the
     faults that have struck. lasting_ns: how much later its faults may make its end. watch: of the
-    recording. writes_files: whether it may write files beside the simulated disk.
+    recording. in_step: (participant, step) → what happens in the midst of it. writes_files: whether
+    it may write files beside the simulated disk.
     """
 
     writes_files = False
@@ -63,7 +66,6 @@ class Execution:
         self.out = out
         self.world = World(keeps_trace=keeps_trace)
         self.network = Network(self.world, tape.knobs)
-        self.network.on_link = self._link_is_made
         self.network.change = self._changed
         self.orchestrator = Process(self.world, ORCHESTRATOR, self._orchestrate)
         self.disk = SimulatedDisk(self.orchestrator)
@@ -79,10 +81,7 @@ class Execution:
         self.lasting_ns = 0
         self._limit_ns = 0
         """Before this time, it is not late, whenever its first step was."""
-        self._on_link: dict[str, list[Callable[[Link], None]]] = defaultdict(list)
-        self._on_start: dict[str, list[Callable[[Process], None]]] = defaultdict(list)
-        self.host.started = self._started
-        self._in_step: dict[tuple[str, int], list[Callable[[], None]]] = defaultdict(list)
+        self.in_step: dict[tuple[str, int], list[Callable[[], None]]] = defaultdict(list)
         self._injected = {
             self._fault_of(fault): fault for fault in tape.faults if fault.kind in FAULT_TYPES
         }
@@ -100,36 +99,23 @@ class Execution:
         """Return the faults that have struck as texts of `--fault`, as far as it has them."""
         return [format_fault(item) for item, own in self._injected.items() if own in self.effective]
 
-    def process(self, name: str) -> Process | None:
-        """Return a process that has been started."""
-        if name == ORCHESTRATOR:
-            return self.orchestrator
-        participant = self.host.participants.get(name)
-        return None if participant is None else participant.process
+    def strike(self, fault: Fault, act: Callable[[Execution, Fault], None]) -> None:
+        """Let a fault take effect."""
+        self.struck(fault)
+        act(self, fault)
 
-    def when_started(self, name: str, act: Callable[[Process], None]) -> None:
-        """Call a function with a process before it makes its first call."""
-        if name == ORCHESTRATOR:
-            act(self.orchestrator)
-        else:
-            self._on_start[name].append(act)
+    def process(self, name: str) -> Process:
+        """Return a process that has been started."""
+        return self.orchestrator if name == ORCHESTRATOR else self.host.participants[name].process
 
     def every(self, name: str) -> int:
         """Return how many steps a participant fires apart."""
         tape = self.tape
         return scenario(tape.scenario, tape.steps, tape.knobs).participant(name).every
 
-    def on_link(self, name: str, act: Callable[[Link], None]) -> None:
-        """Call a function with a link, such as `plant>controller`, once it is made."""
-        self._on_link[name].append(act)
-
-    def in_step(self, name: str, step: int, act: Callable[[], None]) -> None:
-        """Call a function when a participant is in the midst of a step."""
-        self._in_step[name, step].append(act)
-
     def do_in_step(self, name: str, step: int) -> None:
         """Do what happens to a participant in the midst of a step."""
-        for act in () if self.is_healed else self._in_step.get((name, step), ()):
+        for act in () if self.is_healed else self.in_step.get((name, step), ()):
             act()
 
     def on_message(self, source: str, target: str, key: str, change: Change) -> None:
@@ -172,14 +158,6 @@ class Execution:
             return apply(put, fault, messages)
 
         return applying
-
-    def _link_is_made(self, link: Link) -> None:
-        for act in self._on_link[f"{link.source.process.name}>{link.target.process.name}"]:
-            act(link)
-
-    def _started(self, name: str) -> None:
-        for act in self._on_start[name]:
-            act(self.host.participants[name].process)
 
     def _changed(self, link: Link, key: str, data: bytes) -> list[Parcel]:
         here = link.source.process.name, link.target.process.name, key.partition("/")[0]

@@ -143,8 +143,8 @@ SIMULATED: dict[str, Kind] = {
     ),
     "exit": Kind(
         "a participant exits within a step",
-        lambda d: (*d.of_step(), d.random.choice([0, 1, 77])),
-        in_step(strikes.end_process), frozenset({_DIED}), is_fatal=True,
+        lambda d: (*d.of_step(), d.random.choice([0, -1, -77])),
+        in_step(strikes.kill), frozenset({_DIED}), is_fatal=True,
     ),
     "wrong_message": Kind(
         "outputs are not of their type",

@@ -68,8 +68,8 @@ class Link:
 class Network:
     """All nodes of a run, and the links between them; knobs: their delay and buffer.
 
-    on_link: is called with each link that is made. change: returns what a link carries in place of
-    a message with a key.
+    late_ns: two processes → how much later the links between them come up. change: returns what a
+    link carries in place of a message with a key.
     """
 
     def __init__(self, world: World, knobs: Knobs) -> None:
@@ -78,8 +78,8 @@ class Network:
         self.links: dict[tuple[str, str], Link] = {}
         self.delay_ns = 1000 * knobs.link_us
         self.buffer_bytes = knobs.buffer_bytes
-        self.up_ns: dict[frozenset[str], int] = {}
-        self.on_link: Callable[[Link], None] = lambda _link: None
+        self.late_ns: dict[frozenset[str], int] = {}
+        self._up_ns: dict[frozenset[str], int] = {}
         self.change: Callable[[Link, str, bytes], list[Parcel]] = _unchanged
 
     def link(self, source: Node, target: Node) -> Link:
@@ -87,8 +87,9 @@ class Network:
         key = source.process.name, target.process.name
         link = self.links.get(key)
         if link is None or link.target is not target or link.source is not source:
-            self.links[key] = Link(source, target, self.delay_ns)
-            self.on_link(self.links[key])
+            pair = frozenset(key)
+            up_ns = self._up_ns.setdefault(pair, self.world.now_ns + self.late_ns.get(pair, 0))
+            self.links[key] = Link(source, target, self.delay_ns, up_ns)
         return self.links[key]
 
     def heal_all(self) -> None:
@@ -99,7 +100,7 @@ class Network:
             if link.is_cut:
                 self.connect(one, other, is_up=True)
         self.change = _unchanged
-        self.on_link = lambda _link: None
+        self.late_ns.clear()
 
     def connect(self, one: str, other: str, *, is_up: bool) -> bool:
         """Open or close the connection of two processes; return whether there was one."""

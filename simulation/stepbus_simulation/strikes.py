@@ -4,6 +4,7 @@ import os
 import shutil
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -13,7 +14,6 @@ from stepbus_schemas import Outputs, encode
 from .execution import Execution
 from .network import Link, Parcel
 from .tape import Fault
-from .world import Process
 
 Arm = Callable[[Execution, Fault], None]
 Change = Callable[[Link, Parcel, int], list[Parcel]]
@@ -172,15 +172,8 @@ def late_bulk(execution: Execution, fault: Fault) -> None:
 
 def late_link(execution: Execution, fault: Fault) -> None:
     """Let the connection of two processes, which carries both ways, come up late."""
-    one, other = fault.target.split(">")
-
-    def delay(link: Link) -> None:
-        up_ns = execution.world.now_ns + fault.amount
-        link.up_ns = execution.network.up_ns.setdefault(frozenset({one, other}), up_ns)
-        execution.struck(fault)
-
-    for name in (f"{one}>{other}", f"{other}>{one}"):
-        execution.on_link(name, delay)
+    execution.network.late_ns[frozenset(fault.target.split(">"))] = fault.amount
+    execution.struck(fault)
 
 
 def cut(execution: Execution, fault: Fault) -> None:
@@ -202,34 +195,37 @@ def cut(execution: Execution, fault: Fault) -> None:
 # --- processes and the machine --------------------------------------------------------------
 
 
-def at_call(act: Callable[[Execution, Fault, Process], None]) -> Arm:
+def at_call(act: Arm) -> Arm:
     """Return what strikes a process between two of its system calls."""
 
     def arm(execution: Execution, fault: Fault) -> None:
-        def on_started(process: Process) -> None:
-            def strike() -> None:
-                execution.struck(fault)
-                act(execution, fault, process)
-
-            process.on_call[fault.at] = strike
-
-        execution.when_started(fault.target, on_started)
+        execution.host.on_call[fault.target][fault.at] = lambda: execution.strike(fault, act)
 
     return arm
 
 
-def kill(_execution: Execution, fault: Fault, process: Process) -> None:
-    """End a process by a signal."""
-    process.kill(-fault.amount)
+def in_step(act: Arm) -> Arm:
+    """Return what happens to a participant in the midst of a step."""
+
+    def arm(execution: Execution, fault: Fault) -> None:
+        strike = partial(execution.strike, fault, act)
+        execution.in_step[fault.target, fault.at].append(strike)
+
+    return arm
 
 
-def freeze(execution: Execution, fault: Fault, process: Process) -> None:
-    """Stop a process, for a time or for good: as long as there is an orchestrator to notice."""
-    if execution.orchestrator.is_dead:
-        return
-    if fault.amount:
-        execution.world.after(fault.amount, process.thaw)
-    process.freeze()
+def at_time(act: Arm, *, while_recorded: bool = False) -> Arm:
+    """Return what strikes the machine at a time, or a run, where that still records."""
+
+    def arm(execution: Execution, fault: Fault) -> None:
+        def strike() -> None:
+            is_over = execution.orchestrator.is_dead or execution.watch.is_recorded
+            if not (while_recorded and is_over):
+                execution.strike(fault, act)
+
+        execution.world.after(fault.at, strike)
+
+    return arm
 
 
 def of_host(setting: str) -> Arm:
@@ -242,49 +238,29 @@ def of_host(setting: str) -> Arm:
     return arm
 
 
-def in_step(act: Callable[[Process, Fault], None]) -> Arm:
-    """Return what happens to a participant in the midst of a step."""
-
-    def arm(execution: Execution, fault: Fault) -> None:
-        def strike() -> None:
-            process = execution.process(fault.target)
-            assert process is not None
-            execution.struck(fault)
-            act(process, fault)
-
-        execution.in_step(fault.target, fault.at, strike)
-
-    return arm
+def kill(execution: Execution, fault: Fault) -> None:
+    """End a process by a signal; a negative one is an exit code instead."""
+    execution.process(fault.target).kill(-fault.amount)
 
 
-def raise_error(_process: Process, _fault: Fault) -> None:
+def freeze(execution: Execution, fault: Fault) -> None:
+    """Stop a process, for a time or for good: as long as there is an orchestrator to notice."""
+    process = execution.process(fault.target)
+    if execution.orchestrator.is_dead:
+        return
+    if fault.amount:
+        execution.world.after(fault.amount, process.thaw)
+    process.freeze()
+
+
+def raise_error(_execution: Execution, _fault: Fault) -> None:
     """Raise an error."""
     raise ValueError("struck")
 
 
-def end_process(process: Process, fault: Fault) -> None:
-    """End the process at once."""
-    process.kill(fault.amount)
-
-
-def compute_long(process: Process, fault: Fault) -> None:
+def compute_long(execution: Execution, fault: Fault) -> None:
     """Let a step take long."""
-    process.clock.sleep(fault.amount / 1e9)
-
-
-def at_time(act: Arm, *, while_recorded: bool = False) -> Arm:
-    """Return what strikes the machine at a time, or a run, where that still records."""
-
-    def arm(execution: Execution, fault: Fault) -> None:
-        def strike() -> None:
-            is_over = execution.orchestrator.is_dead or execution.watch.is_recorded
-            if not (while_recorded and is_over):
-                execution.struck(fault)
-                act(execution, fault)
-
-        execution.world.after(fault.at, strike)
-
-    return arm
+    execution.process(fault.target).clock.sleep(fault.amount / 1e9)
 
 
 def sleep(execution: Execution, fault: Fault) -> None:

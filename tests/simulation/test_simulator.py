@@ -54,7 +54,7 @@ def test_what_is_drawn_holds():
 def test_every_kind_of_fault_takes_effect(kind):
     random = Random(kind)
     for name in ("called", "seen", "held") * 10:
-        draw = Draw(random=random, names=list(SCENARIOS[name]()), steps=50)
+        draw = Draw(random=random, names=list(SCENARIOS[name]), steps=50)
         execution, problems = execute(Tape(name, 50, Knobs(window=2), (draw_fault(kind, draw),)))
         assert problems == []
         if execution.effective:
