@@ -34,25 +34,20 @@ class Scenario:
     """One scenario that ships.
 
     participants: their names. duration: of a run that ends by itself. start_s, step_s: deadlines
-    of each phase of the start, and of a step and of the end [s]. weight: how often it comes in
-    turn. still: settings of a run that ends by the fault only.
+    of each phase of the start, and of a step and of the end [s]. still: settings of a run that ends
+    by the fault only.
     """
 
     participants: tuple[str, ...] = ("plant", "controller", "mission")
     duration: str = "60s"
-    start_s: float = 8.0
-    step_s: float = 2.0
-    weight: int = 2
+    start_s: float = 15.0
+    step_s: float = 3.0
     still: tuple[str, ...] = ()
 
-    def patient(self, patience: float) -> Scenario:
-        """Return the scenario with deadlines that are so many times as long."""
-        return replace(self, start_s=patience * self.start_s, step_s=patience * self.step_s)
-
-    def arguments(self, name: str, *, endless: bool) -> list[str]:
-        """Return the arguments of a run with these deadlines; endless: it ends by the fault."""
-        phases = dict.fromkeys(("spawn", "join", "ready"), self.start_s)
-        phases |= dict.fromkeys(("step", "stop"), self.step_s)
+    def arguments(self, name: str, *, endless: bool, patience: float) -> list[str]:
+        """Return the arguments of a run; endless: it ends by the fault. See also `_limit_s`."""
+        phases = dict.fromkeys(("spawn", "join", "ready"), patience * self.start_s)
+        phases |= dict.fromkeys(("step", "stop"), patience * self.step_s)
         sets = [f"duration={'1000s' if endless else self.duration}"]
         sets += [
             f"{participant}.{phase}_timeout={seconds:g}s"
@@ -66,23 +61,20 @@ class Scenario:
 # Without a script nothing ends a sale before the fault does.
 _STORE = Scenario(
     participants=("plant", "perception", "mission", "controller", "planner"), duration="4800ms",
-    start_s=30.0, step_s=6.0, weight=1, still=("plant.params.script=[]",),
+    start_s=30.0, step_s=6.0, still=("plant.params.script=[]",),
 )  # fmt: skip
 _SENSED = replace(_STORE, participants=(*_STORE.participants, "world"))
+_ARMS = ("", "/pd", "/pid", "/pd_gravity", "/velocity_force", "/encoders")
 SCENARIOS: Mapping[str, Scenario] = {
-    "two_link": Scenario(weight=4),
-    **{
-        f"two_link/{name}": Scenario()
-        for name in ("pd", "pid", "pd_gravity", "velocity_force", "encoders")
-    },
-    "baxter": Scenario(weight=3, start_s=12.0),
-    "baxter/round_trip": Scenario(start_s=20.0, step_s=4.0),
+    **{f"two_link{name}": Scenario() for name in _ARMS},
+    "baxter": Scenario(),
+    "baxter/round_trip": Scenario(),
     **{f"store/{name}": _STORE for name in ("truth", "obstacle", "heavy", "no_path")},
     # A wheel jams at 1.5 s; soon afterwards the sale fails, as it should.
     "store/jammed": replace(_STORE, duration="1792ms"),
     "store": _SENSED,
     "store/dead_camera": _SENSED,
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,9 +92,8 @@ class Case:
 def cases(seed: int, count: int = WHOLE) -> list[Case]:
     """Return the cases: every fault once, on all scenarios, at all moments."""
     chance = random.Random(seed)
-    names = [name for name, row in SCENARIOS.items() for _ in range(row.weight)]
     faults = chance.sample(list(FAULTS), WHOLE)[:count]
-    scenarios = itertools.cycle(chance.sample(names, len(names)))
+    scenarios = itertools.cycle(chance.sample(list(SCENARIOS), len(SCENARIOS)))
     return [
         Case(fault=fault, scenario=next(scenarios), moment=chance.choice(FAULTS[fault].when))
         for fault in faults
@@ -131,7 +122,7 @@ def reference(name: str, patience: float) -> tuple[str, float]:
 
     Raises RuntimeError where it does not finish.
     """
-    words = SCENARIOS[name].patient(patience).arguments(name, endless=False)
+    words = SCENARIOS[name].arguments(name, endless=False, patience=patience)
     # The deadlines are in the recording, so they must be the same, also on a machine that is busy.
     for _ in range(_ATTEMPTS):
         with tempfile.TemporaryDirectory(prefix="sbc-") as folder:
@@ -161,13 +152,14 @@ def run_case(case: Case, seed: int, patience: float) -> Verdict:
 def _run_once(
     case: Case, chance: random.Random, patience: float, undisturbed: tuple[str, float] | None
 ) -> Verdict:
-    fault, scenario = FAULTS[case.fault], SCENARIOS[case.scenario].patient(patience)
+    fault, scenario = FAULTS[case.fault], SCENARIOS[case.scenario]
     with sandbox() as box:
         box.notes["participants"] = scenario.participants
         box.notes["grace_s"] = ORPHAN_GRACE_S if patience <= 1.0 else HANG_S
         box.notes["reference"] = undisturbed and undisturbed[0]
         before = fault.prepare(box, chance) if fault.prepare else None
-        words = [*scenario.arguments(case.scenario, endless=fault.endless), *fault.arguments]
+        words = scenario.arguments(case.scenario, endless=fault.endless, patience=patience)
+        words += fault.arguments
         # A report takes as long as the run was, which would hide how long the end took.
         words += [] if case.moment == "end" else ["--no-report"]
         box.start(words, before)
@@ -211,10 +203,11 @@ def _limit_s(case: Case, undisturbed: tuple[str, float] | None, patience: float)
     A run that ends by itself has its own time besides, thrice: others may be at work. With
     patience, only what hangs is late: how fast the machine is decides nothing.
     """
-    fault, scenario = FAULTS[case.fault], SCENARIOS[case.scenario].patient(patience)
+    fault, scenario = FAULTS[case.fault], SCENARIOS[case.scenario]
     working = 0.0 if undisturbed is None else 15.0 + 3.0 * undisturbed[1]
     # A participant may spawn in time, and then not join.
-    start = 2.0 * scenario.start_s if case.moment == "start" else 0.0
+    deadlines = 2.0 * scenario.step_s + fault.takes_s
+    deadlines += 2.0 * scenario.start_s if case.moment == "start" else 0.0
     # A stopped participant misses its deadline, and then that of the end.
     margin = MARGIN_S if patience <= 1.0 else HANG_S
-    return 2.0 * scenario.step_s + margin + start + working + patience * fault.takes_s
+    return patience * deadlines + margin + working

@@ -12,8 +12,7 @@ from campaign import log_reader
 from campaign.sandbox import STEPBUS
 
 from .cases import Case, cases
-from .judge import excuses, judge, largest_force
-from .log import decoded
+from .judge import decoded, excuses, judge, largest_force
 
 __all__ = ["cases"]
 WHOLE = 64

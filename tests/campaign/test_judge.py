@@ -195,8 +195,8 @@ def test_a_whole_campaign_has_every_fault_and_every_scenario(seed):
     ],
 )
 def test_the_arguments_of_every_scenario_are_valid(name):
-    row = SCENARIOS[name].patient(2.5)
-    words = row.arguments(name, endless=True)
+    row = SCENARIOS[name]
+    words = row.arguments(name, endless=True, patience=2.5)
     scenario = load(words[0], [*words[2::2], f"duration={row.duration}"])
     assert {spec.name for spec in scenario.participants} == set(row.participants)
 

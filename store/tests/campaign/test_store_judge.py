@@ -7,8 +7,7 @@ import msgpack
 import pytest
 from campaign.log_reader import parse
 from campaign.store.cases import cases
-from campaign.store.judge import excuses, judge, largest_force
-from campaign.store.log import SaleLog, decoded
+from campaign.store.judge import SaleLog, decoded, excuses, judge, largest_force
 from campaign.store.test_sales import sell
 from mcap.writer import Writer
 
