@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import random
+import resource
 import select
 import signal
 import subprocess
@@ -231,17 +232,20 @@ FAULTS: dict[str, Fault] = {
         strike=disks.remove_temporary_files, codes=ANY_END, blames="any",
     ),
     "few files (ulimit -n)": Fault(
-        prepare=disks.few_files, codes=LIMITED, when=START, blames="any",
+        prepare=disks.limit(resource.RLIMIT_NOFILE, 5, 80), codes=LIMITED, when=START, blames="any",
     ),
     "small files (ulimit -f)": Fault(
-        prepare=disks.small_files, codes=frozenset({0, 3, 4, 5, 8}), when=START, blames="any",
+        prepare=disks.limit(resource.RLIMIT_FSIZE, 1, 2000, 1024),
+        codes=frozenset({0, 3, 4, 5, 8}), when=START, blames="any",
     ),
     "little memory (ulimit -v)": Fault(
-        prepare=disks.little_memory, codes=LIMITED, when=START, blames="any",
+        prepare=disks.limit(resource.RLIMIT_AS, 60, 2000, 1 << 20), codes=LIMITED, when=START,
+        blames="any",
     ),
     "little processor time (ulimit -t)": Fault(
-        prepare=disks.little_time, codes=LIMITED | {-signal.SIGXCPU, -signal.SIGKILL}, when=START,
-        endless=True, blames="any", takes_s=40.0,
+        prepare=disks.limit(resource.RLIMIT_CPU, 1, 4),
+        codes=LIMITED | {-signal.SIGXCPU, -signal.SIGKILL}, when=START, endless=True,
+        blames="any", takes_s=40.0,
     ),
     "a subscriber stops reading": Fault(strike=stranger("subscribe", "subscribe_with_qos")),
     "a subscriber stops reading, then Ctrl-C": Fault(

@@ -33,7 +33,7 @@ from .disk import SimulatedDisk
 from .escapes import Escape, no_escapes
 from .host import SimulatedHost
 from .network import Link, Network, Parcel
-from .programs import CALLS, scenario
+from .programs import CALLS, SCENARIOS, scenario
 from .tape import MS, ORCHESTRATOR, Fault, Tape
 from .world import NS, Livelock, Process, World
 
@@ -110,8 +110,7 @@ class Execution:
 
     def every(self, name: str) -> int:
         """Return how many steps a participant fires apart."""
-        tape = self.tape
-        return scenario(tape.scenario, tape.steps, tape.knobs).participant(name).every
+        return int(SCENARIOS[self.tape.scenario][name].get("every", 1))
 
     def do_in_step(self, name: str, step: int) -> None:
         """Do what happens to a participant in the midst of a step."""

@@ -2,11 +2,9 @@
 
 import contextlib
 import math
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
-
-import msgspec
 
 from stepbus import Description, Method, Participant, Scenario, Step, load
 from stepbus.messages import Image, JointCommand, JointReference, JointState
@@ -129,11 +127,8 @@ class Viewer(Participant):
 
     def update(self, step: Step) -> dict[str, Any]:
         """Publish the first pixel of the newest picture."""
-        return {"grey": _still(step.read("picture").data[0])}
-
-
-def _still(position: float) -> JointReference:
-    return JointReference(position=[position], velocity=[0.0], acceleration=[0.0])
+        grey = step.read("picture").data[0]
+        return {"grey": JointReference(position=[grey], velocity=[0.0], acceleration=[0.0])}
 
 
 def _part(name: str, **more: Any) -> dict[str, Any]:
@@ -191,19 +186,9 @@ CALLS = {
 """Name in a tape → the calls of its run."""
 
 
-_OWN = ("compute_us", "link_us", "buffer_bytes", "chunk_bytes", "heal_ms")
-
-
+@lru_cache(maxsize=64)
 def scenario(name: str, steps: int, knobs: Knobs) -> Scenario:
     """Return a scenario of so many steps, with the knobs of a tape."""
-    defaults = Knobs()
-    # The others are the simulator's.
-    own = {item: getattr(defaults, item) for item in _OWN}
-    return _loaded(name, steps, msgspec.structs.replace(knobs, **own))
-
-
-@cache
-def _loaded(name: str, steps: int, knobs: Knobs) -> Scenario:
     # A scenario has the files of its folder, which takes longest to read.
     _EMPTY.mkdir(exist_ok=True)
     with contextlib.chdir(_EMPTY):
