@@ -37,7 +37,6 @@ def main() -> int:
         "--runs", type=int, default=10_000, help="number of runs to draw (default: 10,000)"
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of the runs (default: 1)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes in parallel (default: 2)")
     parser.add_argument("--keep", type=Path, help="folder for the shortest failing tapes")
     options = parser.parse_args()
     if options.tapes:
@@ -58,17 +57,17 @@ def _show(tape: Tape) -> int:
 
 def _campaign(options: argparse.Namespace) -> int:
     """Print what happened, and did not hold; return 1 where something did not."""
-    began, outcomes, marks = time.monotonic(), list[Outcome](), set[str]()
+    began, outcomes = time.monotonic(), list[Outcome]()
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("simulated runs", total=options.runs)
-        for more, reached in campaign(options.seed, options.runs, options.jobs):
-            outcomes += more
-            marks |= reached
-            progress.update(task, completed=len(outcomes))
+        for outcome in campaign(options.seed, options.runs):
+            outcomes.append(outcome)
+            progress.update(task, advance=1)
     lasted_s = time.monotonic() - began
     print(*_table(outcomes), sep="\n")
     codes = Counter(outcome.code for outcome in outcomes)
     print("\nexit codes: " + ", ".join(f"{code}: {codes[code]}" for code in sorted(codes)))
+    marks = set[str]().union(*(outcome.marks for outcome in outcomes))
     missing = sorted(all_marks() - marks)
     print(f"marks reached: {len(marks)}; never: {'; '.join(missing) or 'none'}")
     print(

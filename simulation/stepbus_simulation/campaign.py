@@ -21,9 +21,6 @@ from .programs import SCENARIOS
 from .shrink import shrink
 from .tape import FOLDER, ORCHESTRATOR, Fault, Tape
 
-CHUNK = 250
-"""Runs that a process does before it says how far it is."""
-
 _ISOLATION = 0.5
 _THEN = [*([""] * 27), *FOLLOW_UPS]
 
@@ -62,13 +59,14 @@ class Outcome(NamedTuple):
     """What became of a tape.
 
     code: the exit code, `refused` or `killed`. kinds: of the faults that struck. problem: what did
-    not hold; empty: all did.
+    not hold; empty: all did. marks: that its process has reached so far.
     """
 
     tape: Tape
     code: str
     kinds: frozenset[str]
     problem: str
+    marks: set[str]
 
 
 def execute(tape: Tape, *, keeps_trace: bool = False) -> tuple[Execution, list[str]]:
@@ -90,27 +88,21 @@ def fingerprint(problem: str) -> str:
     return re.sub(r"\S*/\S*|\d+(\.\d+)?", "#", problem)[:60]
 
 
-def run_numbers(seed: int, first: int, end: int) -> tuple[list[Outcome], set[str]]:
-    """Run the tapes of some numbers; return what became of each, and all marks reached so far."""
-    tapes = [draw_tape(seed, number) for number in range(first, end)]
-    return [_outcome(tape) for tape in tapes], reached_marks()
-
-
-def _outcome(tape: Tape) -> Outcome:
-    execution, problems = execute(tape)
+def run_number(seed: int, number: int) -> Outcome:
+    """Return what became of a tape of a seed."""
+    execution, problems = execute(draw_tape(seed, number))
     code = "refused" if execution.refusal is not None else "killed"
     if execution.result is not None:
         code = str(int(execution.result.exit_code))
     kinds = frozenset(fault.kind for fault in execution.effective)
-    return Outcome(tape, code, kinds, problems[0] if problems else "")
+    problem = problems[0] if problems else ""
+    return Outcome(execution.tape, code, kinds, problem, reached_marks())
 
 
-def campaign(seed: int, runs: int, jobs: int) -> Iterator[tuple[list[Outcome], set[str]]]:
-    """Yield what became of the tapes of a seed, chunk by chunk, in order."""
-    firsts = range(0, runs, CHUNK)
-    ends = (min(first + CHUNK, runs) for first in firsts)
-    with ProcessPoolExecutor(jobs) as pool:
-        yield from pool.map(run_numbers, repeat(seed), firsts, ends)
+def campaign(seed: int, runs: int) -> Iterator[Outcome]:
+    """Yield what became of the tapes of a seed, in order; each processor runs some."""
+    with ProcessPoolExecutor() as pool:
+        yield from pool.map(run_number, repeat(seed), range(runs), chunksize=20)
 
 
 def shortest(tape: Tape, problem: str) -> tuple[Tape, str]:
