@@ -134,25 +134,9 @@ def occupy_result(box: Sandbox, _chance: random.Random) -> None:
     (box.out / "result.json").mkdir(parents=True)
 
 
-def few_files(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
-    """Limit each process to few open files (ulimit -n)."""
-    number = chance.choice((chance.randrange(5, 16), chance.randrange(16, 80)))
-    return _limit(resource.RLIMIT_NOFILE, number)
-
-
-def small_files(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
-    """Limit each process to small files (ulimit -f)."""
-    return _limit(resource.RLIMIT_FSIZE, 1024 * chance.randrange(1, 2000))
-
-
-def little_memory(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
-    """Give each process little address space (ulimit -v)."""
-    return _limit(resource.RLIMIT_AS, chance.randrange(60, 2000) << 20)
-
-
-def little_time(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
-    """Give each process little processor time (ulimit -t)."""
-    return _limit(resource.RLIMIT_CPU, chance.randrange(1, 4))
+def limit(what: int, low: int, high: int, unit: int = 1) -> Prepare:
+    """Return what gives each process a limit of `ulimit`, from `low` to below `high` units."""
+    return lambda _box, chance: _limit(what, unit * chance.randrange(low, high))
 
 
 def _limit(what: int, number: int) -> Callable[[], None]:

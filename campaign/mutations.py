@@ -8,11 +8,11 @@ from __future__ import annotations
 import io
 import random
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from mcap.opcode import Opcode
-from mcap.reader import McapReader, make_reader
+from mcap.reader import make_reader
 from mcap.records import Channel, Message
 from mcap.writer import Writer
 
@@ -32,6 +32,26 @@ DESCRIPTIONS = (
 )  # fmt: skip
 
 
+# --- bytes and records ----------------------------------------------------------------------
+
+
+def _bytes(change: Callable[[random.Random, bytes], bytes], *sizes: int) -> Mutation:
+    """Return a mutation that changes some bytes, of one of these sizes."""
+
+    def mutation(chance: random.Random, data: bytes) -> bytes:
+        # The first records are many and small.
+        at = chance.randrange(chance.choice((len(data), min(len(data), 3000))))
+        end = at + chance.choice(sizes)
+        return data[:at] + change(chance, data[at:end]) + data[end:]
+
+    return mutation
+
+
+def _truncate(chance: random.Random, data: bytes) -> bytes:
+    size = len(data)
+    return data[: chance.choice((chance.randrange(size), size - chance.randrange(1, 200)))]
+
+
 def _spans(data: bytes, *opcodes: int) -> list[tuple[int, int]]:
     """Return (start, end) of each record of these kinds in a whole file."""
     spans, offset = [], MAGIC_BYTES
@@ -44,80 +64,47 @@ def _spans(data: bytes, *opcodes: int) -> list[tuple[int, int]]:
     return spans
 
 
-def _somewhere(chance: random.Random, data: bytes) -> int:
-    """Return an offset; half of them lie in the first records, which are many and small."""
-    end = len(data) if chance.random() < 0.5 else min(len(data), 3000)
-    return chance.randrange(end)
+def _chunks(change: Callable[[random.Random, list[bytes]], None]) -> Mutation:
+    """Return a mutation that changes the list of chunks, each with its message indexes."""
+
+    def mutation(chance: random.Random, data: bytes) -> bytes:
+        starts = [start for start, _ in _spans(data, Opcode.CHUNK)]
+        end = max(end for _, end in _spans(data, Opcode.CHUNK, Opcode.MESSAGE_INDEX))
+        bounds = zip(starts, [*starts[1:], end], strict=True)
+        chunks = [data[start:stop] for start, stop in bounds]
+        change(chance, chunks)
+        return data[: starts[0]] + b"".join(chunks) + data[end:]
+
+    return mutation
 
 
-def flip(chance: random.Random, data: bytes) -> bytes:
-    """Flip one bit to eight."""
-    copy = bytearray(data)
-    for _ in range(chance.choice((1, 1, 1, 2, 8))):
-        copy[_somewhere(chance, data)] ^= 1 << chance.randrange(8)
-    return bytes(copy)
+def _swap(chance: random.Random, chunks: list[bytes]) -> None:
+    one, other = chance.sample(range(len(chunks)), 2)
+    chunks[one], chunks[other] = chunks[other], chunks[one]
 
 
-def overwrite(chance: random.Random, data: bytes) -> bytes:
-    """Write zeros or nonsense over some bytes; where that is what they are, their complement."""
-    at, length = _somewhere(chance, data), chance.choice((1, 4, 8, 100, 4096))
-    before = data[at : at + length]
-    length = len(before)
-    after = chance.choice((bytes(length), chance.randbytes(length)))
-    if after == before:
-        after = bytes(255 - byte for byte in before)
-    return data[:at] + after + data[at + length :]
+def _remove(chance: random.Random, chunks: list[bytes]) -> None:
+    del chunks[chance.randrange(len(chunks))]
 
 
-def truncate(chance: random.Random, data: bytes) -> bytes:
-    """Cut the end off."""
-    return data[
-        : chance.choice((chance.randrange(len(data)), len(data) - chance.randrange(1, 200)))
-    ]
+def _repeat(chance: random.Random, chunks: list[bytes]) -> None:
+    at = chance.randrange(len(chunks))
+    chunks.insert(at, chunks[at])
 
 
-def insert(chance: random.Random, data: bytes) -> bytes:
-    """Add bytes, or repeat some."""
-    at, length = _somewhere(chance, data), chance.choice((1, 8, 400))
-    return data[:at] + chance.choice((chance.randbytes(length), data[at : at + length])) + data[at:]
+def _record(*opcodes: int) -> Mutation:
+    """Return a mutation that flips a bit in a record of these kinds."""
+
+    def mutation(chance: random.Random, data: bytes) -> bytes:
+        start, end = chance.choice(_spans(data, *opcodes))
+        copy = bytearray(data)
+        copy[chance.randrange(start + HEAD.size, end)] ^= 1 << chance.randrange(8)
+        return bytes(copy)
+
+    return mutation
 
 
-def remove(chance: random.Random, data: bytes) -> bytes:
-    """Take bytes out."""
-    at = _somewhere(chance, data)
-    return data[:at] + data[at + chance.choice((1, 8, 400)) :]
-
-
-def swap_chunks(chance: random.Random, data: bytes) -> bytes:
-    """Swap two chunks, each with its message indexes."""
-    first, second = sorted(chance.sample(_chunks(data), 2))
-    (a, b), (c, d) = first, second
-    return data[:a] + data[c:d] + data[b:c] + data[a:b] + data[d:]
-
-
-def remove_chunk(chance: random.Random, data: bytes) -> bytes:
-    """Take out a chunk."""
-    start, end = chance.choice(_chunks(data))
-    return data[:start] + data[end:]
-
-
-def repeat_chunk(chance: random.Random, data: bytes) -> bytes:
-    """Repeat a chunk right behind itself."""
-    start, end = chance.choice(_chunks(data))
-    return data[:end] + data[start:end] + data[end:]
-
-
-def _chunks(data: bytes) -> list[tuple[int, int]]:
-    """Return where each chunk lies, with the message indexes that follow it."""
-    starts = [start for start, _ in _spans(data, Opcode.CHUNK)]
-    ends = [end for _, end in _spans(data, Opcode.CHUNK, Opcode.MESSAGE_INDEX)]
-    return [
-        (start, max(end for end in ends if end <= following))
-        for start, following in zip(starts, [*starts[1:], len(data)], strict=True)
-    ]
-
-
-def chunk_without_crc(chance: random.Random, data: bytes) -> bytes:
+def _chunk_without_crc(chance: random.Random, data: bytes) -> bytes:
     """Change what is in a chunk, and set its checksum to 0."""
     start, end = chance.choice(_spans(data, Opcode.CHUNK))
     copy = bytearray(data)
@@ -127,7 +114,7 @@ def chunk_without_crc(chance: random.Random, data: bytes) -> bytes:
     return bytes(copy)
 
 
-def no_crcs(_chance: random.Random, data: bytes) -> bytes:
+def _no_crcs(_chance: random.Random, data: bytes) -> bytes:
     """Set every checksum to 0."""
     copy = bytearray(data)
     for _, end in _spans(data, Opcode.ATTACHMENT, Opcode.DATA_END):
@@ -138,22 +125,7 @@ def no_crcs(_chance: random.Random, data: bytes) -> bytes:
     return bytes(copy)
 
 
-def metadata_changed(chance: random.Random, data: bytes) -> bytes:
-    """Change a letter of a metadata record."""
-    return _flipped_in(chance, data, 1, Opcode.METADATA, Opcode.HEADER)
-
-
-def message_index_changed(chance: random.Random, data: bytes) -> bytes:
-    """Change an index of messages, which other programs go by."""
-    return _flipped_in(chance, data, 1 << chance.randrange(8), Opcode.MESSAGE_INDEX)
-
-
-def _flipped_in(chance: random.Random, data: bytes, bit: int, *opcodes: int) -> bytes:
-    """Flip a bit in a record of these kinds."""
-    start, end = chance.choice(_spans(data, *opcodes))
-    copy = bytearray(data)
-    copy[chance.randrange(start + HEAD.size, end)] ^= bit
-    return bytes(copy)
+# --- valid files, written again -------------------------------------------------------------
 
 
 Rows = list[tuple[int, int, bytes]]
@@ -196,7 +168,7 @@ def _copy(
     return out.getvalue()
 
 
-def _copy_messages(reader: McapReader, writer: Any, message: Any, channel: Any) -> None:
+def _copy_messages(reader: Any, writer: Any, message: Any, channel: Any) -> None:
     numbers: dict[int, int | None] = {}
     step = 0
     for schema, source, item in reader.iter_messages(log_time_order=False):
@@ -211,57 +183,35 @@ def _copy_messages(reader: McapReader, writer: Any, message: Any, channel: Any) 
                 kind = writer.register_schema(name, "jsonschema", content)
                 row = writer.register_channel(topic, source.message_encoding, kind, about)
             numbers[source.id] = row
-        number = numbers[source.id]
-        if number is not None:
+        if (number := numbers[source.id]) is not None:
             for own_step, time, content in message(source.topic, item):
                 writer.add_message(number, time, content, time, own_step)
 
 
-def rewritten(_chance: random.Random, data: bytes) -> bytes:
-    """Return the recording again in other chunks, with nothing changed."""
-    return _copy(data)
+def _message(change: Callable[[random.Random, int, int, bytes], Rows]) -> Mutation:
+    """Return a mutation that changes one message of a participant; the hash chain stays."""
+
+    def mutation(chance: random.Random, data: bytes) -> bytes:
+        rows = [(row.topic, row.step) for row in parse(data).rows if row.topic != CHAIN]
+        victim = chance.choice(rows)
+
+        def changed(topic: str, message: Message) -> Rows:
+            (row,) = _same(topic, message)
+            return change(chance, *row) if (topic, message.sequence) == victim else [row]
+
+        return _copy(data, message=changed)
+
+    return mutation
 
 
-def _one_changed(
-    chance: random.Random, data: bytes, change: Callable[[int, int, bytes], Rows]
-) -> bytes:
-    """Change one message of a participant; the hash chain stays."""
-    rows = [(row.topic, row.step) for row in parse(data).rows if row.topic != CHAIN]
-    victim = chance.choice(rows)
-
-    def changed(topic: str, message: Message) -> Rows:
-        (row,) = _same(topic, message)
-        return change(*row) if (topic, message.sequence) == victim else [row]
-
-    return _copy(data, message=changed)
+def _changed(chance: random.Random, step: int, time: int, content: bytes) -> Rows:
+    at = chance.randrange(len(content))
+    return [(step, time, content[:at] + bytes((content[at] ^ 1,)) + content[at + 1 :])]
 
 
-def message_dropped(chance: random.Random, data: bytes) -> bytes:
-    """Leave one message out."""
-    return _one_changed(chance, data, lambda *_row: [])
-
-
-def message_changed(chance: random.Random, data: bytes) -> bytes:
-    """Change one message."""
-
-    def changed(step: int, time: int, content: bytes) -> Rows:
-        at = chance.randrange(len(content))
-        return [(step, time, content[:at] + bytes((content[at] ^ 1,)) + content[at + 1 :])]
-
-    return _one_changed(chance, data, changed)
-
-
-def message_moved(chance: random.Random, data: bytes) -> bytes:
-    """Give one message another step."""
+def _moved(chance: random.Random, step: int, time: int, content: bytes) -> Rows:
     other = chance.choice((0, 7, 2**32 - 1))
-    return _one_changed(
-        chance, data, lambda step, time, content: [(other + (other == step), time, content)]
-    )
-
-
-def message_repeated(chance: random.Random, data: bytes) -> bytes:
-    """Write one message twice."""
-    return _one_changed(chance, data, lambda *row: [row, row])
+    return [(other + (other == step), time, content)]
 
 
 def _spoilt(chance: random.Random, text: str, *others: str) -> str:
@@ -269,7 +219,7 @@ def _spoilt(chance: random.Random, text: str, *others: str) -> str:
     return text if chance.random() < 0.7 else chance.choice(("", "null", "{", text[1:], *others))
 
 
-def channel_changed(chance: random.Random, data: bytes) -> bytes:
+def _channels(chance: random.Random, data: bytes) -> bytes:
     """Change topic, type or description of some channels, or leave them out."""
 
     def channel(schema: Any, channel: Any) -> Any:
@@ -285,7 +235,7 @@ def channel_changed(chance: random.Random, data: bytes) -> bytes:
     return _copy(data, channel=channel)
 
 
-def attachment_changed(chance: random.Random, data: bytes) -> bytes:
+def _attachments(chance: random.Random, data: bytes) -> bytes:
     """Change a line of some attachments, or leave them out."""
 
     def attachment(_name: str, content: bytes) -> bytes | None:
@@ -297,25 +247,43 @@ def attachment_changed(chance: random.Random, data: bytes) -> bytes:
     return _copy(data, attachment=attachment)
 
 
-def metadata_dropped(chance: random.Random, data: bytes) -> bytes:
-    """Leave metadata records out, or empty them."""
-    return _copy(data, metadata=lambda content: chance.choice((None, {}, content)))
-
-
-DAMAGE: tuple[Mutation, ...] = (
-    flip, overwrite, truncate, insert, remove, swap_chunks, remove_chunk, repeat_chunk,
-    chunk_without_crc, no_crcs, metadata_changed, message_index_changed,
-)  # fmt: skip
+DAMAGE: Mapping[str, Mutation] = {
+    "a bit flipped": _bytes(lambda chance, part: bytes((part[0] ^ 1 << chance.randrange(8),)), 1),
+    "bytes overwritten": _bytes(
+        lambda chance, part: chance.choice((bytes(len(part)), chance.randbytes(len(part)))),
+        1, 4, 8, 100, 4096,
+    ),
+    "bytes inserted or repeated": _bytes(
+        lambda chance, part: chance.choice((chance.randbytes(len(part)), part)) + part, 1, 8, 400
+    ),
+    "bytes removed": _bytes(lambda _chance, _part: b"", 1, 8, 400),
+    "end cut off": _truncate,
+    "chunks swapped": _chunks(_swap),
+    "chunk removed": _chunks(_remove),
+    "chunk repeated": _chunks(_repeat),
+    "chunk changed, without a checksum": _chunk_without_crc,
+    "no checksums": _no_crcs,
+    "metadata changed": _record(Opcode.METADATA, Opcode.HEADER),
+    "message index changed": _record(Opcode.MESSAGE_INDEX),
+}  # fmt: skip
 """Not what was written: a reader that calls such a file undamaged is wrong."""
 
-FORGED: tuple[Mutation, ...] = (
-    message_dropped, message_changed, message_moved, message_repeated,
-)  # fmt: skip
+FORGED: Mapping[str, Mutation] = {
+    "message dropped": _message(lambda _chance, *_row: []),
+    "message changed": _message(_changed),
+    "message moved": _message(_moved),
+    "message repeated": _message(lambda _chance, *row: [row, row]),
+}
 """Valid files whose hash chain shows that something is wrong."""
 
-OTHER: tuple[Mutation, ...] = (
-    rewritten, channel_changed, attachment_changed, metadata_dropped,
-)  # fmt: skip
+OTHER: Mapping[str, Mutation] = {
+    "rewritten": lambda _chance, data: _copy(data),
+    "channels changed": _channels,
+    "attachments changed": _attachments,
+    "metadata dropped": lambda chance, data: _copy(
+        data, metadata=lambda content: chance.choice((None, {}, content))
+    ),
+}
 """Valid files: other recordings, not damaged ones."""
 
-MUTATIONS = (*DAMAGE, *FORGED, *OTHER)
+MUTATIONS: Mapping[str, Mutation] = {**DAMAGE, **FORGED, **OTHER}

@@ -29,7 +29,7 @@ from stepbus_tools.report.summary import read_joints
 
 from .log_reader import CHAIN, parse
 from .log_reader import DAMAGE as UNREADABLE
-from .mutations import DAMAGE, FORGED, Mutation, rewritten
+from .mutations import DAMAGE, FORGED, MUTATIONS
 
 
 @dataclass(frozen=True)
@@ -125,14 +125,14 @@ READERS: Mapping[str, Reader] = {
 
 
 def read_all(
-    mutation: Mutation, chance: random.Random, original: Path, folder: Path, participant: str
+    mutation: str, chance: random.Random, original: Path, folder: Path, participant: str
 ) -> Iterator[str]:
     """Mutate one recording in small chunks, and yield what its readers say that is wrong.
 
-    folder: to write to. participant: the one that is replayed.
+    mutation: its name. folder: to write to. participant: the one that is replayed.
     """
-    before = rewritten(chance, original.read_bytes())
-    after = mutation(chance, before)
+    before = MUTATIONS["rewritten"](chance, original.read_bytes())
+    after = MUTATIONS[mutation](chance, before)
     task = Task(folder / "run.mcap", folder / "small.mcap", folder, participant)
     task.original.write_bytes(before)
     task.path.write_bytes(after)
@@ -152,13 +152,13 @@ Ports = Mapping[str, list[tuple[int, bytes]]]
 class Judge:
     """Judges the answers about one mutated recording, by what `mcap` reads of it.
 
-    original, data: bytes before and after the mutation.
+    mutation: its name. original, data: bytes before and after it.
     """
 
-    def __init__(self, mutation: Mutation, original: bytes, data: bytes) -> None:
+    def __init__(self, mutation: str, original: bytes, data: bytes) -> None:
         before, after = _streamed(original), _streamed(data)
         self._is_damaged = mutation in DAMAGE and original != data
-        self._is_whole = mutation is rewritten
+        self._is_whole = mutation == "rewritten"
         self._is_forged = mutation in FORGED and before != after
         if self._is_damaged:
             # What a damaged file has twice was left by an earlier write.

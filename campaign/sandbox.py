@@ -62,25 +62,19 @@ class Sandbox:
             raise RuntimeError("no process was started")
         return self.process
 
-    def start(
-        self,
-        arguments: Sequence[str],
-        *,
-        stdout: int | None = None,
-        stderr: int | None = None,
-        before: Callable[[], None] | None = None,
-    ) -> None:
-        """Start `stepbus run …`; stdout and stderr go to files by default."""
-        self.process = subprocess.Popen(
-            [STEPBUS, "run", *arguments, "--out", str(self.out)],
-            stdin=subprocess.DEVNULL,
-            stdout=stdout if stdout is not None else (self.home / "stdout").open("wb"),
-            stderr=stderr if stderr is not None else (self.home / "stderr").open("wb"),
-            env={**os.environ, MARK: self.mark, "TMPDIR": str(self.temporary)},
-            cwd=self.home,
-            preexec_fn=lambda: _prepare(before),  # noqa: PLW1509  (the campaign has one thread)
-            start_new_session=True,
-        )
+    def start(self, arguments: Sequence[str], before: Callable[[], None] | None = None) -> None:
+        """Start `stepbus run …`; before: what its process does first."""
+        with (self.home / "stdout").open("wb") as out, (self.home / "stderr").open("wb") as error:
+            self.process = subprocess.Popen(
+                [STEPBUS, "run", *arguments, "--out", str(self.out)],
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=error,
+                env={**os.environ, MARK: self.mark, "TMPDIR": str(self.temporary)},
+                cwd=self.home,
+                preexec_fn=lambda: _prepare(before),  # noqa: PLW1509  (the campaign has one thread)
+                start_new_session=True,
+            )
 
     def mount(self, name: str, options: str) -> bool:
         """Mount a file system in memory on a folder; return whether this user may."""
@@ -169,8 +163,8 @@ def sandbox() -> Iterator[Sandbox]:
         yield box
     finally:
         for helper in box.helpers:
-            helper.kill()
-            helper.wait()
+            with helper:
+                helper.kill()
         for process in box.processes():
             with contextlib.suppress(psutil.Error):
                 process.kill()

@@ -14,6 +14,7 @@ import socket
 import ssl
 import sys
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -91,27 +92,24 @@ def flood(addresses: list[str]) -> None:
 
 
 def babble(addresses: list[str]) -> None:
-    """Connect, send nonsense or nothing, and hang up, again and again."""
+    """Connect, begin a session or send nonsense, and break off, again and again."""
+    held: deque[socket.socket] = deque(maxlen=20)
     ready()
     while True:
         for address in addresses:
+            hello = client_hello() if address.startswith("tcp/") else INIT_SYN
+            size = random.choice((0, 1, 100, 70_000))
+            said = random.choice(
+                (hello[: random.randrange(1, len(hello) + 1)], random.randbytes(size))
+            )
             for link in connected(address, 1):
                 with contextlib.suppress(OSError):
-                    link.sendall(random.randbytes(random.choice((0, 1, 2, 100, 70_000))))
-                link.close()
+                    link.sendall(said)
+                # Some are closed at once, others stay open a while.
+                if random.random() < 0.5:
+                    link.close()
+                held.append(link)
         time.sleep(0.01)
-
-
-def half_handshake(addresses: list[str]) -> None:
-    """Begin what a session begins, and break off in the middle."""
-    held = []
-    for address in addresses:
-        start = client_hello() if address.startswith("tcp/") else INIT_SYN
-        for link in connected(address, 5):
-            with contextlib.suppress(OSError):
-                link.sendall(start[: random.randrange(1, len(start) + 1)])
-            held.append(link)
-    hold(held)
 
 
 def client_hello() -> bytes:
@@ -166,8 +164,7 @@ def ready() -> None:
 DEEDS = {
     deed.__name__: deed
     for deed in (
-        subscribe, subscribe_with_qos, subscribe_stolen, intrude, flood, babble,
-        half_handshake, call,
+        subscribe, subscribe_with_qos, subscribe_stolen, intrude, flood, babble, call,
     )
 }  # fmt: skip
 

@@ -62,7 +62,7 @@ class Case:
         return [*words, *faults, *([] if self.killed else ["--in-process"])]
 
 
-def cases(count: int, seed: int) -> list[Case]:
+def cases(seed: int, count: int) -> list[Case]:
     """Return the cases, every family in turn."""
     names, rows = list(FAMILIES), []
     for number in range(count):

@@ -4,19 +4,18 @@ import argparse
 import re
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-import msgspec
 from rich.console import Console
 from rich.progress import Progress
 
 import stepbus_orchestrator
 import stepbus_participant
 
-from .campaign import Count, Failure, campaign, execute, fingerprint, shortest
+from .campaign import Outcome, campaign, execute, fingerprint, shortest
 from .kinds import KINDS
-from .programs import SCENARIOS
 from .tape import Tape, load_tape
 
 _MARK = re.compile(r'\breached\("([^"]+)"\)')
@@ -38,20 +37,10 @@ def main() -> int:
         "--runs", type=int, default=10_000, help="number of runs to draw (default: 10,000)"
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of the runs (default: 1)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes in parallel (default: 2)")
     parser.add_argument("--keep", type=Path, help="folder for the shortest failing tapes")
-    parser.add_argument("--table", type=Path, help="write the table to this file, in Markdown")
     options = parser.parse_args()
-    try:
-        tapes = [load_tape(path) for path in options.tapes]
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as exc:
-        parser.error(f"{exc}; a tape is a file that --keep has written")
-    named = {fault.kind for tape in tapes for fault in tape.faults} - KINDS.keys()
-    named |= {tape.scenario for tape in tapes} - SCENARIOS.keys()
-    if named:
-        parser.error(f"unknown kind of fault or scenario: {', '.join(sorted(named))}")
-    if tapes:
-        return max(map(_show, tapes))
+    if options.tapes:
+        return max(map(_show, map(load_tape, options.tapes)))
     return _campaign(options)
 
 
@@ -67,46 +56,45 @@ def _show(tape: Tape) -> int:
 
 
 def _campaign(options: argparse.Namespace) -> int:
-    began, total = time.monotonic(), Count()
+    """Print what happened, and did not hold; return 1 where something did not."""
+    began, outcomes = time.monotonic(), list[Outcome]()
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("simulated runs", total=options.runs)
-        for count in campaign(options.seed, options.runs, options.jobs):
-            total.add(count)
-            progress.update(task, completed=total.runs)
+        for outcome in campaign(options.seed, options.runs):
+            outcomes.append(outcome)
+            progress.update(task, advance=1)
     lasted_s = time.monotonic() - began
-    table = "\n".join(_markdown(total))
-    print(table)
-    if options.table is not None:
-        options.table.write_text(table + "\n", encoding="utf-8")
+    print(*_table(outcomes), sep="\n")
+    codes = Counter(outcome.code for outcome in outcomes)
+    print("\nexit codes: " + ", ".join(f"{code}: {codes[code]}" for code in sorted(codes)))
+    marks = set[str]().union(*(outcome.marks for outcome in outcomes))
+    missing = sorted(all_marks() - marks)
+    print(f"marks reached: {len(marks)}; never: {'; '.join(missing) or 'none'}")
     print(
-        f"{total.runs} runs in {lasted_s:.0f} s: {total.runs / lasted_s * 3600:,.0f} an hour, "
-        f"{total.simulated_s / lasted_s:.0f} simulated seconds a second"
+        f"{len(outcomes)} runs in {lasted_s:.0f} s: {3600 * len(outcomes) / lasted_s:,.0f} an hour"
     )
-    return _print_failures(total, options.keep)
+    failures = [outcome for outcome in outcomes if outcome.problem]
+    _print_failures(failures, options.keep)
+    return 1 if failures else 0
 
 
-def _print_failures(total: Count, keep: Path | None) -> int:
-    """Print what happened, and did not hold; return 1 where something did not."""
-    codes = ", ".join(f"{code}: {count}" for code, count in sorted(total.codes.items()))
-    print(f"exit codes: {codes}")
-    missing = sorted(all_marks() - total.marks)
-    print(f"marks reached: {len(total.marks)}; never: {'; '.join(missing) or 'none'}")
-    if not total.failures:
-        print("everything held")
-        return 0
-    by_kind: dict[str, list[Failure]] = {}
-    for failure in total.failures:
+def _print_failures(failures: list[Outcome], keep: Path | None) -> None:
+    """Print, and keep, the shortest tape of each kind of failure."""
+    print(
+        f"{len(failures)} runs in which something did not hold" if failures else "everything held"
+    )
+    by_kind: dict[str, list[Outcome]] = {}
+    for failure in failures:
         by_kind.setdefault(fingerprint(failure.problem), []).append(failure)
-    print(f"{len(total.failures)} runs in which something did not hold:")
-    for number, failures in enumerate(by_kind.values()):
-        failure = shortest(min(failures, key=lambda one: len(one.tape.faults)))
-        print(f"\n{len(failures)} × {failure.problem}\n    run {failure.number}: {failure.tape}")
-        for text in execute(failure.tape)[0].as_options():
+    for number, rows in enumerate(by_kind.values()):
+        one = min(rows, key=lambda row: len(row.tape.faults))
+        tape, problem = shortest(one.tape, one.problem)
+        print(f"\n{len(rows)} × {problem}\n    {tape}")
+        for text in execute(tape)[0].as_options():
             print(f"    on real processes: --fault '{text}'")
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
-            failure.tape.save(keep / f"{number}.json")
-    return 1
+            tape.save(keep / f"{number}.json")
 
 
 def all_marks() -> set[str]:
@@ -116,24 +104,14 @@ def all_marks() -> set[str]:
     return {mark for file in files for mark in _MARK.findall(file.read_text(encoding="utf-8"))}
 
 
-def _markdown(total: Count) -> Iterator[str]:
-    """Yield the lines of the table for a page."""
+def _table(outcomes: list[Outcome]) -> Iterator[str]:
+    """Yield the lines of a table in Markdown: a row for each kind of fault."""
     yield "| Kind | Fault | Runs it struck | Exit codes |"
     yield "|---|---|---|---|"
     for kind, row in KINDS.items():
-        codes = total.codes_of.get(kind, set())
-        numbers = sorted((code for code in codes if code.isdigit()), key=int)
-        words = sorted(code for code in codes if not code.isdigit())
-        struck = f"{total.effective[kind]:,}"
-        yield f"| `{kind}` | {row.what} | {struck} | {', '.join([*numbers, *words])} |"
-    yield ""
-    yield "Runs by exit code: " + _listed(dict(sorted(total.codes.items())))
-    yield "What was done with the recordings: " + _listed(dict(sorted(total.then.items())))
-    yield "Marks that were reached: " + ", ".join(f"`{mark}`" for mark in sorted(total.marks)) + "."
-
-
-def _listed(counts: dict[str, int]) -> str:
-    return ", ".join(f"{name}: {count:,}" for name, count in counts.items()) + "."
+        codes = [outcome.code for outcome in outcomes if kind in outcome.kinds]
+        distinct = sorted(set(codes), key=lambda code: (not code.isdigit(), code.zfill(3)))
+        yield f"| `{kind}` | {row.what} | {len(codes):,} | {', '.join(distinct)} |"
 
 
 if __name__ == "__main__":

@@ -1,25 +1,15 @@
-"""Many simulated runs: drawn, in processes beside each other, counted, and what fails shrunk."""
+"""Many simulated runs: drawn, in processes beside each other, and what fails shrunk."""
 
-import gc
 import os
 import re
 import shutil
-from collections import Counter, defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from functools import cache
+from itertools import repeat
 from pathlib import Path
 from random import Random
-from typing import Any
-from unittest.mock import patch
+from typing import NamedTuple
 
-from stepbus_orchestrator.recording import index
-from stepbus_orchestrator.run import files
-from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_orchestrator.scenario.resolve import resolved
-from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import reached_marks
 
 from .draw import Draw, draw_knobs
@@ -31,12 +21,8 @@ from .programs import SCENARIOS
 from .shrink import shrink
 from .tape import FOLDER, ORCHESTRATOR, Fault, Tape
 
-CHUNK = 250
-"""Runs that a process does before it says how far it is."""
-
 _ISOLATION = 0.5
 _THEN = [*([""] * 27), *FOLLOW_UPS]
-_NAMES = {name: list(make()) for name, make in SCENARIOS.items()}
 
 
 def draw_tape(seed: int, number: int) -> Tape:
@@ -46,7 +32,7 @@ def draw_tape(seed: int, number: int) -> Tape:
     kinds = random.sample(list(KINDS), random.choice([1, 1, 2, 3, 5]))
     needed = [KINDS[kind].needs for kind in kinds if KINDS[kind].needs]
     name = random.choice(needed or list(SCENARIOS))
-    names, knobs = _NAMES[name], draw_knobs(random)
+    names, knobs = list(SCENARIOS[name]), draw_knobs(random)
     preferred = random.choice(["", random.choice(names)])
     draw = Draw(random=random, names=names, steps=steps, preferred=preferred, knobs=knobs)
     count = min(1 + int(random.expovariate(0.7)), 8)
@@ -69,58 +55,18 @@ def _isolation(draw: Draw) -> Iterator[Fault]:
             yield Fault("cut", f"{one}>{other}", at, draw.lasting())
 
 
-@dataclass
-class Failure:
-    """A run in which something did not hold. number: of its tape. tape: the shortest such one."""
+class Outcome(NamedTuple):
+    """What became of a tape.
 
-    number: int
-    tape: Tape
-    problem: str
-
-
-@dataclass
-class Count:
-    """What happened in some runs.
-
-    effective: kind → runs that it struck. codes: exit code → runs. codes_of: kind → the exit codes
-    of runs that it struck. marks: that were reached. then: what was done with recordings.
+    code: the exit code, `refused` or `killed`. kinds: of the faults that struck. problem: what did
+    not hold; empty: all did. marks: that its process has reached so far.
     """
 
-    runs: int = 0
-    simulated_s: float = 0.0
-    effective: Counter[str] = field(default_factory=Counter)
-    codes: Counter[str] = field(default_factory=Counter)
-    codes_of: dict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
-    marks: set[str] = field(default_factory=set)
-    then: Counter[str] = field(default_factory=Counter)
-    failures: list[Failure] = field(default_factory=list)
-
-    def add(self, other: "Count") -> None:
-        """Add what happened in other runs."""
-        self.runs += other.runs
-        self.simulated_s += other.simulated_s
-        self.effective.update(other.effective)
-        self.codes.update(other.codes)
-        self.then.update(other.then)
-        for kind, codes in other.codes_of.items():
-            self.codes_of[kind] |= codes
-        self.marks |= other.marks
-        self.failures += other.failures
-
-    def add_run(self, number: int, execution: Execution, problems: list[str]) -> None:
-        """Add one run."""
-        self.runs += 1
-        self.simulated_s += execution.world.now_ns * 1e-9
-        code = "refused" if execution.refusal is not None else "killed"
-        if execution.result is not None:
-            code = str(int(execution.result.exit_code))
-        self.codes[code] += 1
-        self.then[execution.tape.then or "nothing"] += 1
-        for kind in {fault.kind for fault in execution.effective}:
-            self.effective[kind] += 1
-            self.codes_of[kind].add(code)
-        if problems:
-            self.failures.append(Failure(number, execution.tape, problems[0]))
+    tape: Tape
+    code: str
+    kinds: frozenset[str]
+    problem: str
+    marks: set[str]
 
 
 def execute(tape: Tape, *, keeps_trace: bool = False) -> tuple[Execution, list[str]]:
@@ -129,35 +75,12 @@ def execute(tape: Tape, *, keeps_trace: bool = False) -> tuple[Execution, list[s
     folder = Path(FOLDER) / f"stepbus-sim-{os.getpid():07}"
     folder.mkdir()
     try:
-        with _memoized():
-            execution = Execution(tape, folder / "run", keeps_trace=keeps_trace)
-            arm(execution)
-            execution.run()
-            return execution, list(judge(execution))
+        execution = Execution(tape, folder / "run", keeps_trace=keeps_trace)
+        arm(execution)
+        execution.run()
+        return execution, list(judge(execution))
     finally:
         shutil.rmtree(folder)
-
-
-_parse_yaml = cache(parse_yaml)
-_texts: dict[tuple[str, int | None], str] = {}
-
-
-def _resolved_once(scenario: Scenario) -> str:
-    # Knobs are not in it, and faults would strike what is done with the recording.
-    key = scenario.name, scenario.steps
-    if key not in _texts:
-        _texts[key] = resolved(replace(scenario, faults=()))
-    return _texts[key]
-
-
-@contextmanager
-def _memoized() -> Iterator[Any]:
-    """Parse and write each scenario once in this process: it costs a run most."""
-    with (
-        patch.object(index, "parse_yaml", _parse_yaml),
-        patch.object(files, "resolved", _resolved_once),
-    ):
-        yield
 
 
 def fingerprint(problem: str) -> str:
@@ -165,35 +88,29 @@ def fingerprint(problem: str) -> str:
     return re.sub(r"\S*/\S*|\d+(\.\d+)?", "#", problem)[:60]
 
 
-def run_numbers(seed: int, first: int, count: int) -> Count:
-    """Run the tapes of some numbers."""
-    total = Count()
-    for number in range(first, first + count):
-        total.add_run(number, *execute(draw_tape(seed, number)))
-    gc.collect()
-    total.marks = reached_marks()
-    return total
+def run_number(seed: int, number: int) -> Outcome:
+    """Return what became of a tape of a seed."""
+    execution, problems = execute(draw_tape(seed, number))
+    code = "refused" if execution.refusal is not None else "killed"
+    if execution.result is not None:
+        code = str(int(execution.result.exit_code))
+    kinds = frozenset(fault.kind for fault in execution.effective)
+    problem = problems[0] if problems else ""
+    return Outcome(execution.tape, code, kinds, problem, reached_marks())
 
 
-def campaign(seed: int, runs: int, jobs: int) -> Iterator[Count]:
-    """Yield what happened, chunk by chunk, in order."""
-    chunks = [(number, min(CHUNK, runs - number)) for number in range(0, runs, CHUNK)]
-    with ProcessPoolExecutor(jobs) as pool:
-        futures = [pool.submit(run_numbers, seed, *chunk) for chunk in chunks]
-        try:
-            for future in futures:
-                yield future.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+def campaign(seed: int, runs: int) -> Iterator[Outcome]:
+    """Yield what became of the tapes of a seed, in order; each processor runs some."""
+    with ProcessPoolExecutor() as pool:
+        yield from pool.map(run_number, repeat(seed), range(runs), chunksize=20)
 
 
-def shortest(failure: Failure) -> Failure:
-    """Return a failure with the shortest tape that fails in the same way."""
-    kind = fingerprint(failure.problem)
+def shortest(tape: Tape, problem: str) -> tuple[Tape, str]:
+    """Return the shortest tape that fails in the same way, and what does not hold of it."""
+    kind = fingerprint(problem)
 
-    def fails(tape: Tape) -> bool:
-        return any(fingerprint(problem) == kind for problem in execute(tape)[1])
+    def failing(tape: Tape) -> list[str]:
+        return [one for one in execute(tape)[1] if fingerprint(one) == kind]
 
-    tape = shrink(failure.tape, fails)
-    problems = [problem for problem in execute(tape)[1] if fingerprint(problem) == kind]
-    return Failure(failure.number, tape, (problems or [failure.problem])[0])
+    tape = shrink(tape, lambda tape: bool(failing(tape)))
+    return tape, next(iter(failing(tape)), problem)

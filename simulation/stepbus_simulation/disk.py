@@ -16,15 +16,13 @@ Strike = Callable[[str, int], int]
 class SimulatedDisk:
     """A `Disk` of one process, which ends with it: nothing more is written, all files are closed.
 
-    strike: what goes wrong before a call. done: is called with its name after it. log: what was
-    done, (call, size) each.
+    strike: what goes wrong before a call. done: is called with its name after it.
     """
 
     def __init__(self, process: Process) -> None:
         self.strike: Strike = lambda _name, size: size
         self.done: Callable[[str], None] = lambda _name: None
         self._process = process
-        self.log: list[tuple[str, int]] = []
         self._open: set[int] = set()
         process.on_end.append(self._close_all)
 
@@ -36,7 +34,7 @@ class SimulatedDisk:
     def _do(self, name: str, size: int) -> int:
         self._process.call()
         size = self.strike(name, size)
-        self.log.append((name, size))
+        self._process.world.note(f"disk: {name} of {size} bytes")
         return size
 
     def open(self, path: Path, flags: int, mode: int = 0o777) -> int:

@@ -1,5 +1,7 @@
 """Runs a tape: the production code, on a simulated host, with what goes wrong."""
 
+from __future__ import annotations
+
 import contextlib
 import dataclasses
 import io
@@ -30,8 +32,8 @@ from stepbus_schemas import StepbusError
 from .disk import SimulatedDisk
 from .escapes import Escape, no_escapes
 from .host import SimulatedHost
-from .network import Link, Network
-from .programs import CALLS, scenario
+from .network import Link, Network, Parcel
+from .programs import CALLS, SCENARIOS, scenario
 from .tape import MS, ORCHESTRATOR, Fault, Tape
 from .world import NS, Livelock, Process, World
 
@@ -40,6 +42,9 @@ _REAL_S = 30
 _ENDS_NS = NS
 """What a run may take beside its deadlines and faults."""
 _THAW_NS = 100 * MS
+
+Change = Callable[[Link, Parcel], list[Parcel]]
+"""Takes what a link was to carry, and returns what it carries."""
 
 
 class Execution:
@@ -50,7 +55,8 @@ class Execution:
     result: of the run; None where there is none. refusal: the error that it raised instead, one of
     ours. crash: the traceback of any other. late: what had not ended in time. effective: the
     faults that have struck. lasting_ns: how much later its faults may make its end. watch: of the
-    recording. writes_files: whether it may write files beside the simulated disk.
+    recording. in_step: (participant, step) → what happens in the midst of it. writes_files: whether
+    it may write files beside the simulated disk.
     """
 
     writes_files = False
@@ -60,8 +66,7 @@ class Execution:
         self.out = out
         self.world = World(keeps_trace=keeps_trace)
         self.network = Network(self.world, tape.knobs)
-        self.network.on_link = self._link_is_made
-        self.network.alter = self._altered
+        self.network.change = self._changed
         self.orchestrator = Process(self.world, ORCHESTRATOR, self._orchestrate)
         self.disk = SimulatedDisk(self.orchestrator)
         self.host = SimulatedHost(self.network, self.orchestrator, self.disk, self._wrap)
@@ -76,14 +81,11 @@ class Execution:
         self.lasting_ns = 0
         self._limit_ns = 0
         """Before this time, it is not late, whenever its first step was."""
-        self._on_link: dict[str, list[Callable[[Link], None]]] = defaultdict(list)
-        self._on_start: dict[str, list[Callable[[Process], None]]] = defaultdict(list)
-        self.host.started = self._started
-        self._in_step: dict[tuple[str, int], list[Callable[[], None]]] = defaultdict(list)
+        self.in_step: dict[tuple[str, int], list[Callable[[], None]]] = defaultdict(list)
         self._injected = {
             self._fault_of(fault): fault for fault in tape.faults if fault.kind in FAULT_TYPES
         }
-        self._alter: dict[tuple[str, str], list[Callable[[bytes], list[bytes]]]] = defaultdict(list)
+        self._changes: list[tuple[str, str, str, Change]] = []
 
     # --- what the kinds of faults use -------------------------------------------------------
 
@@ -97,41 +99,30 @@ class Execution:
         """Return the faults that have struck as texts of `--fault`, as far as it has them."""
         return [format_fault(item) for item, own in self._injected.items() if own in self.effective]
 
-    def process(self, name: str) -> Process | None:
-        """Return a process that has been started."""
-        if name == ORCHESTRATOR:
-            return self.orchestrator
-        participant = self.host.participants.get(name)
-        return None if participant is None else participant.process
+    def strike(self, fault: Fault, act: Callable[[Execution, Fault], None]) -> None:
+        """Let a fault take effect."""
+        self.struck(fault)
+        act(self, fault)
 
-    def when_started(self, name: str, act: Callable[[Process], None]) -> None:
-        """Call a function with a process before it makes its first call."""
-        if name == ORCHESTRATOR:
-            act(self.orchestrator)
-        else:
-            self._on_start[name].append(act)
+    def process(self, name: str) -> Process:
+        """Return a process that has been started."""
+        return self.orchestrator if name == ORCHESTRATOR else self.host.participants[name].process
 
     def every(self, name: str) -> int:
         """Return how many steps a participant fires apart."""
-        tape = self.tape
-        return scenario(tape.scenario, tape.steps, tape.knobs).participant(name).every
-
-    def on_link(self, name: str, act: Callable[[Link], None]) -> None:
-        """Call a function with a link, such as `plant>controller`, once it is made."""
-        self._on_link[name].append(act)
-
-    def in_step(self, name: str, step: int, act: Callable[[], None]) -> None:
-        """Call a function when a participant is in the midst of a step."""
-        self._in_step[name, step].append(act)
+        return int(SCENARIOS[self.tape.scenario][name].get("every", 1))
 
     def do_in_step(self, name: str, step: int) -> None:
         """Do what happens to a participant in the midst of a step."""
-        for act in () if self.is_healed else self._in_step.get((name, step), ()):
+        for act in () if self.is_healed else self.in_step.get((name, step), ()):
             act()
 
-    def alter(self, name: str, what: str, act: Callable[[bytes], list[bytes]]) -> None:
-        """Let a function return what a process sends instead; what: `out`, `log` or other."""
-        self._alter[name, what].append(act)
+    def on_message(self, source: str, target: str, key: str, change: Change) -> None:
+        """Let a function return what links carry in place of messages.
+
+        source, target: processes. key: the first part of one, such as `out`. Empty: any.
+        """
+        self._changes.append((source, target, key, change))
 
     # --- how they take effect ---------------------------------------------------------------
 
@@ -167,19 +158,13 @@ class Execution:
 
         return applying
 
-    def _link_is_made(self, link: Link) -> None:
-        for act in self._on_link[f"{link.source.process.name}>{link.target.process.name}"]:
-            act(link)
-
-    def _started(self, name: str) -> None:
-        for act in self._on_start[name]:
-            act(self.host.participants[name].process)
-
-    def _altered(self, name: str, key: str, data: bytes) -> list[bytes]:
-        contents = [data]
-        for act in self._alter.get((name, key.partition("/")[0]), ()):
-            contents = [new for content in contents for new in act(content)]
-        return contents
+    def _changed(self, link: Link, key: str, data: bytes) -> list[Parcel]:
+        here = link.source.process.name, link.target.process.name, key.partition("/")[0]
+        parcels = [Parcel(data)]
+        for *wanted, change in self._changes:
+            if all(not one or one == other for one, other in zip(wanted, here, strict=True)):
+                parcels = [new for parcel in parcels for new in change(link, parcel)]
+        return parcels
 
     def _wrap(self, name: str, factory: Any) -> Any:
         execution, compute_us = self, self.tape.knobs.compute_us

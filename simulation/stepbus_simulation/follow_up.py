@@ -28,7 +28,7 @@ class FollowUp(Execution):
     """Reruns, branches or replays the recording of an execution, as `then` of its tape says.
 
     complete: number of its complete steps. problem: why it failed; empty: it did not. new: the
-    recording that it makes; None where it makes none. difference: between the two.
+    recording that it makes; None where it makes none.
     """
 
     writes_files = True
@@ -37,7 +37,7 @@ class FollowUp(Execution):
     def __init__(self, execution: Execution, complete: int) -> None:
         tape, out = execution.tape, execution.out.with_name("follow_up")
         super().__init__(Tape(tape.scenario, tape.steps, Knobs()), out)
-        self.problem = self.difference = ""
+        self.problem = ""
         self.new: Path | None = None
         self._recording = execution.out / "run.mcap"
         self._complete = complete
@@ -57,7 +57,7 @@ class FollowUp(Execution):
 
     def rerun(self) -> str:
         """Run the scenario of the recording again."""
-        return self._unlike(rerun(self._recording, self.out))
+        return self._made(rerun(self._recording, self.out))
 
     def branch(self) -> str:
         """Go on from the midst of the recording, with no change."""
@@ -80,7 +80,7 @@ class FollowUp(Execution):
 
     def _branch(self, at: int) -> str:
         self.host.is_star = True
-        return self._unlike(branch(self._recording, self.out, at=at))
+        return self._made(branch(self._recording, self.out, at=at))
 
     def replay(self, name: str) -> str:
         """Replay a participant."""
@@ -88,13 +88,9 @@ class FollowUp(Execution):
         result = replay(self._recording, name, recorded=True)
         return "" if result.equal else f"{name} is not what was recorded: {result.divergence}"
 
-    def _unlike(self, repeated: Repeated) -> str:
+    def _made(self, repeated: Repeated) -> str:
         self.new = repeated.result.recording
-        if repeated.result.exit_code:
-            return repeated.result.reason
-        found = repeated.diff()
-        self.difference = "" if found.equal else found.text()
-        return ""
+        return repeated.result.reason if repeated.result.exit_code else ""
 
 
 FOLLOW_UPS: dict[str, Callable[[FollowUp], str]] = {
@@ -112,6 +108,7 @@ def _hosted(host: SimulatedHost) -> Iterator[None]:
     """Let all that runs from a recording run on a simulated host."""
 
     def run(scenario: Scenario, options: run_scenario.Options, *more: Any) -> Result:
+        scenario = dataclasses.replace(scenario, faults=())
         return run_scenario.run(scenario, dataclasses.replace(options, host=host), *more)
 
     # The package has functions of the same names.

@@ -3,6 +3,7 @@
 import contextlib
 import signal
 import traceback
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -88,8 +89,8 @@ class SimulatedHost:
 
     orchestrator: the process that runs it. wrap: gets the name and the class of each participant,
     and returns what makes it. start_order: those that are started; empty: all, as in the scenario.
-    is_star: they are linked to the orchestrator only. started: is called with each participant when
-    it has been started.
+    is_star: they are linked to the orchestrator only. on_call: name of a process → number of a call
+    → what happens before it.
     """
 
     def __init__(
@@ -110,7 +111,8 @@ class SimulatedHost:
         self.start_order: list[str] = []
         self.is_star = False
         self.participants: dict[str, SimulatedParticipant] = {}
-        self.started: Callable[[str], None] = lambda _name: None
+        self.on_call: dict[str, dict[int, Callable[[], None]]] = defaultdict(dict)
+        orchestrator.on_call = self.on_call[orchestrator.name]
 
     @property
     def world(self) -> World:
@@ -161,7 +163,6 @@ class _Launch(Strategy):
             factory = import_participant(spec.participant, folder)
             participant = self._start(ticket, factory, 1001 + number)
             run.started(ParticipantState(spec, participant))
-            self._host.started(spec.name)
 
     def _start(self, ticket: Ticket, factory: Any, pid: int) -> SimulatedParticipant:
         host, name = self._host, ticket.name
@@ -179,6 +180,7 @@ class _Launch(Strategy):
             return host.lies.get(name, code)
 
         process = Process(host.world, name, work)
+        process.on_call = host.on_call[name]
         participant = SimulatedParticipant(process, pid, self._run.out / "logs" / f"{name}.log")
         host.participants[name] = participant
         process.start(host.start_ns.get(name, _START_NS))

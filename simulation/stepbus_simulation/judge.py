@@ -219,9 +219,6 @@ def _judge_follow_up(execution: Execution, kept: Sequence[Row]) -> Iterator[str]
         return
     follow_up = FollowUp(execution, complete)
     follow_up.run()
-    result = execution.result
-    if result is not None and result.exit_code == 0 and follow_up.difference:
-        yield f"{tape.then}: {follow_up.difference}"
     if follow_up.crash or follow_up.late or follow_up.problem:
         yield f"{tape.then}: {follow_up.crash or follow_up.late or follow_up.problem}"
         return

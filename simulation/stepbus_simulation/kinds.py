@@ -15,7 +15,7 @@ from stepbus_orchestrator.run.run import LONGEST_TICK_S
 from . import strikes
 from .draw import Draw
 from .execution import Execution
-from .strikes import Arm, at_call, at_time, by_run, in_step, of_host, on_key, on_message, on_outputs
+from .strikes import Arm, at_call, at_time, by_run, in_step, of_host, on_message, on_outputs
 from .tape import MS, ORCHESTRATOR, Fault, Knobs
 
 Drawn = tuple[str, int] | tuple[str, int, int]
@@ -79,19 +79,20 @@ SIMULATED: dict[str, Kind] = {
     "link_delay": Kind(
         "a message comes late, and so do all after it",
         lambda d: (d.link(), d.message(), d.lasting()),
-        on_message("delay"), _LATE | {_DIED}, lasts=True,
+        on_message("", strikes.delay), _LATE | {_DIED}, lasts=True,
     ),
     "link_drop": Kind(
-        "a message is lost", lambda d: (d.link(), d.message()), on_message("drop"), _LOST
+        "a message is lost",
+        lambda d: (d.link(), d.message()), on_message("", strikes.lose), _LOST,
     ),
     "link_twice": Kind(
         "a message to a participant comes twice",
-        lambda d: (d.link_to_participant(), d.message()), on_message("duplicate"),
+        lambda d: (d.link_to_participant(), d.message()), on_message("", strikes.repeat),
     ),
     "log_twice": Kind(
         "a message to the orchestrator comes twice",
         lambda d: (f"{d.name()}>{ORCHESTRATOR}", d.message()),
-        on_message("duplicate"), frozenset({_FAULT}),
+        on_message("", strikes.repeat), frozenset({_FAULT}),
     ),
     "late_link": Kind(
         "the link of two processes comes up late; messages published before are lost",
@@ -142,8 +143,8 @@ SIMULATED: dict[str, Kind] = {
     ),
     "exit": Kind(
         "a participant exits within a step",
-        lambda d: (*d.of_step(), d.random.choice([0, 1, 77])),
-        in_step(strikes.end_process), frozenset({_DIED}), is_fatal=True,
+        lambda d: (*d.of_step(), d.random.choice([0, -1, -77])),
+        in_step(strikes.kill), frozenset({_DIED}), is_fatal=True,
     ),
     "wrong_message": Kind(
         "outputs are not of their type",
@@ -161,28 +162,28 @@ SIMULATED: dict[str, Kind] = {
     "wrong_log": Kind(
         "a log is not of its type",
         lambda d: (d.name(), d.message()),
-        on_key("log", strikes.field("outputs", lambda rows: [*(rows or ()), {"step": "x"}])),
+        on_message("log", strikes.field("outputs", lambda rows: [*(rows or ()), {"step": "x"}])),
         frozenset({_FAULT, _START}),
     ),
     "wrong_entry": Kind(
         "a log has outputs that are not of their type",
         lambda d: (d.name(), d.message()),
-        on_key("log", strikes.field("outputs", strikes.wrong_newest)), frozenset({_FAULT}),
+        on_message("log", strikes.field("outputs", strikes.wrong_newest)), frozenset({_FAULT}),
     ),
     "wrong_hello": Kind(
         "a participant asks to join with another protocol, token, name or ports",
         lambda d: (d.name(), 0, d.random.randrange(len(strikes.HELLOS))),
-        on_key("join", strikes.wrong_hello), frozenset({_START}),
+        on_message("join", strikes.wrong_hello), frozenset({_START}),
     ),
     "other_order": Kind(
         "a trigger comes with the token of another run",
         lambda d: (ORCHESTRATOR, d.message()),
-        on_key("trigger", strikes.field("token", lambda token: token[::-1])),
+        on_message("trigger", strikes.field("token", lambda token: token[::-1])),
     ),
     "bulk_short": Kind(
         "bulk content is shorter than announced",
         lambda d: ("camera", d.message()),
-        on_key("bulk", lambda data, _amount: [data[:-1]]), frozenset({_FAULT}), needs="seen",
+        on_message("bulk", strikes.shorten), frozenset({_FAULT}), needs="seen",
     ),
     "bulk_late": Kind(
         "bulk content comes late: everything except other bulk content overtakes it",
@@ -191,7 +192,8 @@ SIMULATED: dict[str, Kind] = {
     ),
     "bulk_never": Kind(
         "bulk content is lost",
-        lambda d: (d.bulk_link(), d.message()), strikes.late_bulk, _LOST, needs="seen",
+        lambda d: (d.bulk_link(), d.message()), on_message("bulk", strikes.lose), _LOST,
+        needs="seen",
     ),
     "full": Kind(
         "the disk is full from some write on, or for a few writes",
@@ -230,24 +232,26 @@ SIMULATED: dict[str, Kind] = {
     "last_words": Kind(
         "a participant is killed, and the log that it has just sent comes late",
         lambda d: (d.name(), d.message(), d.random.randrange(MS, 600 * MS)),
-        strikes.last_words, _DEAD, needs="held",
+        on_message("log", strikes.last_words), _DEAD, needs="held",
     ),
     "deaf": Kind(
         "a participant is stopped once it is asked to end",
-        lambda d: (d.name(), 0), strikes.deaf, frozenset({_STEP, _STOP}),
+        lambda d: (f"{ORCHESTRATOR}>{d.name()}", 0),
+        on_message("stop", strikes.freeze_reader), frozenset({_STEP, _STOP}),
     ),
     "no_triggers": Kind(
         "a participant reads no triggers from some step on",
-        Draw.of_step, strikes.ignore_triggers, _LATE,
+        lambda d: (f"{ORCHESTRATOR}>{d.name()}", d.message()),
+        on_message("trigger", strikes.lose, more=True), _LATE,
     ),
     "lost_call": Kind(
         "a user's call is lost on its way to the participant",
-        lambda d: (ORCHESTRATOR, d.few()), on_key("call", strikes.lost), frozenset({_STEP}),
+        lambda d: (ORCHESTRATOR, d.few()), on_message("call", strikes.lose), frozenset({_STEP}),
         needs="called",
     ),
     "lost_answer": Kind(
         "the answer to a call is lost",
-        lambda d: ("plant", d.few()), on_key("called", strikes.lost), frozenset({_STEP}),
+        lambda d: ("plant", d.few()), on_message("called", strikes.lose), frozenset({_STEP}),
         needs="called",
     ),
     "power": Kind(

@@ -8,14 +8,13 @@ nothing is full; a process that ends loses what it has not sent, and its token g
 from __future__ import annotations
 
 import re
-from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from queue import Empty
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
-from stepbus_participant import BusError, Clock, Queue, Sample
+from stepbus_participant import BusError, Clock, Queue, Request, Sample
 
 from .tape import Knobs
 from .world import NS, Process, SimulatedQueue, World
@@ -25,12 +24,20 @@ _MESSAGE_BYTES = 800
 _Role = Literal["subscriber", "answerer", "watcher"]
 
 
-@dataclass
+class Parcel(NamedTuple):
+    """What a link carries: content, how much later [ns], whether others overtake it."""
+
+    data: bytes
+    late_ns: int = 0
+    is_overtaken: bool = False
+
+
+@dataclass(eq=False)
 class Link:
     """From one node to another.
 
     up_ns: when it begins to carry. is_cut: what is published meanwhile is lost. delay_ns: of every
-    message. changes: number of a message → what becomes of it. struck: is called with that.
+    message. held_bytes: what it holds of messages that have not arrived.
     """
 
     source: Node
@@ -38,84 +45,62 @@ class Link:
     delay_ns: int
     up_ns: int = 0
     is_cut: bool = False
-    changes: dict[int, tuple[str, int]] = field(default_factory=dict)
-    struck: dict[int, Callable[[], None]] = field(default_factory=dict)
-    count: int = 0
-    bytes: int = 0
-    flying: deque[tuple[int, Callable[[], None]]] = field(default_factory=deque)
+    held_bytes: int = 0
     last_ns: int = 0
 
-    def send(self, size: int, act: Callable[[], None]) -> bool:
-        """Let something happen in the target's process once it has arrived; False: it is lost."""
+    def send(self, parcel: Parcel, act: Callable[[bytes], None]) -> None:
+        """Let something happen in the target's process once a parcel has arrived."""
         world = self.source.process.world
-        number, self.count = self.count, self.count + 1
-        if self.is_cut or world.now_ns < self.up_ns:
-            return False
-        kind, amount = self.changes.get(number, ("", 0))
-        if kind:
-            self.struck[number]()
-        if kind == "drop":
-            return False
-        if kind == "late":
-            # It is overtaken, as by what has another key.
-            world.after(self.delay_ns + amount, lambda: self.target.process.act(act))
-            return True
-        self._carry(size, act, amount if kind == "delay" else 0)
-        if kind == "duplicate":
-            self._carry(size, act, amount)
-        return True
+        at_ns, taken = world.now_ns + self.delay_ns + parcel.late_ns, 0
+        if not parcel.is_overtaken:
+            at_ns = self.last_ns = max(self.last_ns, at_ns)
+            taken = len(parcel.data) + _MESSAGE_BYTES
+        self.held_bytes += taken
 
-    def _carry(self, size: int, act: Callable[[], None], extra_ns: int) -> None:
-        world = self.source.process.world
-        taken = size + _MESSAGE_BYTES
-        self.bytes += taken
-        self.last_ns = max(self.last_ns, world.now_ns + self.delay_ns + extra_ns)
+        def take() -> None:
+            self.held_bytes -= taken
+            self.source.let_go_on()
+            act(parcel.data)
 
-        def arrive() -> None:
-            def take() -> None:
-                self.bytes -= taken
-                self.source.let_go_on()
-                act()
-
-            self.target.process.act(take)
-
-        world.after(self.last_ns - world.now_ns, arrive)
+        world.after(at_ns - world.now_ns, lambda: self.target.process.act(take))
 
 
 class Network:
-    """All nodes of a run, and the links between them; knobs: their delay and buffer."""
+    """All nodes of a run, and the links between them; knobs: their delay and buffer.
+
+    late_ns: two processes → how much later the links between them come up. change: returns what a
+    link carries in place of a message with a key.
+    """
 
     def __init__(self, world: World, knobs: Knobs) -> None:
         self.world = world
         self.nodes: dict[str, Node] = {}
         self.links: dict[tuple[str, str], Link] = {}
-        self.changes = 0
-        """Grows with each change of who reads what."""
         self.delay_ns = 1000 * knobs.link_us
         self.buffer_bytes = knobs.buffer_bytes
-        self.up_ns: dict[frozenset[str], int] = {}
-        self.on_link: Callable[[Link], None] = lambda _link: None
-        self.alter: Callable[[str, str, bytes], list[bytes]] = lambda _name, _key, data: [data]
+        self.late_ns: dict[frozenset[str], int] = {}
+        self._up_ns: dict[frozenset[str], int] = {}
+        self.change: Callable[[Link, str, bytes], list[Parcel]] = _unchanged
 
     def link(self, source: Node, target: Node) -> Link:
         """Return the link from one node to another."""
         key = source.process.name, target.process.name
         link = self.links.get(key)
         if link is None or link.target is not target or link.source is not source:
-            self.links[key] = Link(source, target, self.delay_ns)
-            self.on_link(self.links[key])
+            pair = frozenset(key)
+            up_ns = self._up_ns.setdefault(pair, self.world.now_ns + self.late_ns.get(pair, 0))
+            self.links[key] = Link(source, target, self.delay_ns, up_ns)
         return self.links[key]
 
     def heal_all(self) -> None:
         """Open every connection, and let each message through from now on."""
         for one, other in list(self.links):
             link = self.links[one, other]
-            link.changes.clear()
             link.up_ns = 0
             if link.is_cut:
                 self.connect(one, other, is_up=True)
-        self.alter = lambda _name, _key, data: [data]
-        self.on_link = lambda _link: None
+        self.change = _unchanged
+        self.late_ns.clear()
 
     def connect(self, one: str, other: str, *, is_up: bool) -> bool:
         """Open or close the connection of two processes; return whether there was one."""
@@ -142,10 +127,7 @@ class Node:
         self.tokens: list[str] = []
         self.is_open = True
         self._is_blocked = False
-        self._by_key: dict[tuple[str, bool], list[Node]] = {}
-        self._seen = -1
         network.nodes[process.name] = self
-        network.changes += 1
         process.on_end.append(self.close)
 
     @property
@@ -181,16 +163,6 @@ class Node:
             sink for own, wanted, sink in self.declared if own == role and _matches(wanted, key)
         ]
 
-    def _readers(self, key: str, *, remote: bool) -> list[Node]:
-        """Return the nodes that subscribe to a key."""
-        if self._seen != self.network.changes:
-            self._seen = self.network.changes
-            self._by_key.clear()
-        if (key, remote) not in self._by_key:
-            nodes = self._targets(remote=remote)
-            self._by_key[key, remote] = [node for node in nodes if node.sinks("subscriber", key)]
-        return list(self._by_key[key, remote])
-
     def _targets(self, *, remote: bool = False) -> Iterator[Node]:
         for node in list(self.network.nodes.values()):
             if node is self:
@@ -210,40 +182,47 @@ class Node:
                 return
             if not self.is_open:
                 raise BusError(f"{key}: the bus is closed")
-            for content in self.network.alter(self.process.name, key, bytes(data)):
-                sample = Sample(key, content, bytes(attachment), encoding)
-                for node in self._readers(key, remote=remote):
-                    self._send(node, len(content), partial(node.take, sample))
+            for node in list(self._targets(remote=remote)):
+                if node.sinks("subscriber", key):
+                    take = partial(node.take, key, bytes(attachment), encoding)
+                    self._send(node, key, bytes(data), take)
 
         return put
 
-    def _send(self, node: Node, size: int, act: Callable[[], None]) -> bool:
-        """Let something happen at a node; return whether it will, as far as this one can tell."""
+    def _send(self, node: Node, key: str, data: bytes, act: Callable[[bytes], None]) -> bool:
+        """Let a node take a message; return whether it will, as far as this one can tell."""
         if node is self:
-            act()
+            act(data)
             return True
         link = self.network.link(self, node)
-        while link.bytes > self.network.buffer_bytes and node.is_open and not self.process.is_dead:
+        while (
+            link.held_bytes > self.network.buffer_bytes
+            and node.is_open
+            and not self.process.is_dead
+        ):
             self._is_blocked = True
             self.process.wait(None)
         self._is_blocked = False
-        return node.is_open and not self.process.is_dead and link.send(size, act)
+        is_up = not link.is_cut and self.network.world.now_ns >= link.up_ns
+        if not (is_up and node.is_open) or self.process.is_dead:
+            return False
+        for parcel in self.network.change(link, key, data):
+            link.send(parcel, act)
+        return True
 
     def let_go_on(self) -> None:
         """Let a put that is blocked look again."""
         if self._is_blocked:
             self.process.wake()
 
-    def take(self, sample: Sample) -> None:
+    def take(self, key: str, attachment: bytes, encoding: str, data: bytes) -> None:
         """Hand a sample to the subscribers."""
-        if self.is_open:
-            for sink in self.sinks("subscriber", sample.key):
-                sink(sample)
+        for sink in self.sinks("subscriber", key) if self.is_open else ():
+            sink(Sample(key, data, attachment, encoding))
 
     def _declare(self, role: _Role, key: str, sink: Callable[..., None]) -> None:
         self.process.call()
         self.declared.append((role, key, sink))
-        self.network.changes += 1
 
     def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
         """Call `sink` with each sample on a key."""
@@ -256,13 +235,17 @@ class Node:
     def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterator[bytes]:
         """Yield the replies to a query as they arrive, until the time-out."""
         self.process.call()
-        replies = self.queue()
-        asked = 0
-        (data,) = self.network.alter(self.process.name, key, bytes(data))
+        replies, asked = self.queue(), 0
+
+        def ask(node: Node, sink: Callable[[Request], None], question: bytes) -> None:
+            def reply(answer: bytes, _encoding: str) -> None:
+                node._send(self, "reply", bytes(answer), replies.put)
+
+            sink(Request(question, reply))
+
         for node in self._targets(remote=True):
             for sink in node.sinks("answerer", key):
-                request = _Request(self, node, bytes(data), replies)
-                asked += self._send(node, len(data), partial(sink, request))
+                asked += self._send(node, key, bytes(data), partial(ask, node, sink))
         until_ns = self.network.world.now_ns + int(timeout_s * NS)
         for _ in range(asked):
             left_s = (until_ns - self.network.world.now_ns) / NS
@@ -323,25 +306,14 @@ class Node:
         """Leave the network; harmless when repeated."""
         if self.is_open:
             self.is_open = False
-            self.network.changes += 1
             for token in self.tokens:
                 self._tell(token, False)
             for node in list(self.network.nodes.values()):
                 node.let_go_on()
 
 
-@dataclass(frozen=True)
-class _Request:
-    """A query that waits for its reply."""
-
-    asker: Node
-    answerer: Node
-    payload: bytes
-    replies: Queue
-
-    def reply(self, data: bytes, encoding: str) -> None:
-        """Reply to it."""
-        self.answerer._send(self.asker, len(data), lambda: self.replies.put(bytes(data)))
+def _unchanged(_link: Link, _key: str, data: bytes) -> list[Parcel]:
+    return [Parcel(data)]
 
 
 @lru_cache(maxsize=4096)

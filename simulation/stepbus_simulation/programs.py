@@ -1,22 +1,22 @@
 """The participants of simulated runs, and their scenarios: small, coupled in a loop, repeatable."""
 
+import contextlib
 import math
-from collections.abc import Callable
-from functools import cache
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, ClassVar
-
-import msgspec
 
 from stepbus import Description, Method, Participant, Scenario, Step, load
 from stepbus.messages import Image, JointCommand, JointReference, JointState
 from stepbus_schemas import CallRecord
 
-from .tape import MS, Knobs
+from .tape import FOLDER, MS, Knobs
 
 STEP_NS = 5 * MS
 _STEP_S = 1e-9 * STEP_NS
 ENDS_AT = 40
 """The step at which a mission asks for the end, in the scenario that has such a one."""
+_EMPTY = Path(FOLDER) / "stepbus-sim"
 
 
 class Plant(Participant):
@@ -127,78 +127,52 @@ class Viewer(Participant):
 
     def update(self, step: Step) -> dict[str, Any]:
         """Publish the first pixel of the newest picture."""
-        return {"grey": _still(step.read("picture").data[0])}
-
-
-def _still(position: float) -> JointReference:
-    return JointReference(position=[position], velocity=[0.0], acceleration=[0.0])
+        grey = step.read("picture").data[0]
+        return {"grey": JointReference(position=[grey], velocity=[0.0], acceleration=[0.0])}
 
 
 def _part(name: str, **more: Any) -> dict[str, Any]:
     return {"participant": f"stepbus_simulation.programs:{name}", **more}
 
 
-def _loop() -> dict[str, Any]:
-    return {
-        "plant": _part(
-            "Plant",
-            publishes="first",
-            inputs={"command": "controller.command"},
-            outputs={"joint_state": "JointState/1"},
-        ),
-        "controller": _part(
-            "Controller",
-            inputs={"joint_state": "plant.joint_state", "reference": "mission.reference"},
-            outputs={"command": "JointCommand/1"},
-        ),
-        "mission": _part("Mission", every=4, outputs={"reference": "JointReference/1"}),
-    }
-
-
-def _held() -> dict[str, Any]:
-    parts = _loop()
-    parts["mission"]["on_fault"] = "hold"
-    parts["controller"]["on_fault"] = "hold"
-    return parts
-
-
-def _seen() -> dict[str, Any]:
-    parts = _loop()
-    parts["camera"] = _part(
+_LOOP = {
+    "plant": _part(
+        "Plant",
+        publishes="first",
+        inputs={"command": "controller.command"},
+        outputs={"joint_state": "JointState/1"},
+    ),
+    "controller": _part(
+        "Controller",
+        inputs={"joint_state": "plant.joint_state", "reference": "mission.reference"},
+        outputs={"command": "JointCommand/1"},
+    ),
+    "mission": _part("Mission", every=4, outputs={"reference": "JointReference/1"}),
+}
+_SEEN = {
+    "camera": _part(
         "Camera",
         every=2,
         inputs={"joint_state": "plant.joint_state"},
         outputs={"picture": {"type": "Image/1", "bulk": True}},
-    )
-    parts["viewer"] = _part(
+    ),
+    "viewer": _part(
         "Viewer",
         every=2,
         inputs={"picture": "camera.picture"},
         outputs={"grey": "JointReference/1"},
-    )
-    return parts
+    ),
+}
+_HELD = {name: {**_LOOP[name], "on_fault": "hold"} for name in ("controller", "mission")}
 
-
-def _twins() -> dict[str, Any]:
-    parts = _loop()
+SCENARIOS: dict[str, dict[str, dict[str, Any]]] = {
+    "loop": _LOOP,
+    "held": _LOOP | _HELD,
+    "seen": _LOOP | _SEEN,
+    "called": _LOOP,
     # Another one that publishes first, and owes closing outputs.
-    parts["twin"] = {**parts["plant"]}
-    return parts
-
-
-def _ended() -> dict[str, Any]:
-    parts = _loop()
-    parts["mission"] |= _part("Ending")
-    return parts
-
-
-SCENARIOS: dict[str, Callable[[], dict[str, Any]]] = {
-    "loop": _loop,
-    "held": _held,
-    "seen": _seen,
-    "called": _loop,
-    "twins": _twins,
-    "ended": _ended,
+    "twins": _LOOP | {"twin": _LOOP["plant"]},
+    "ended": _LOOP | {"mission": _LOOP["mission"] | _part("Ending")},
 }
 """Name in a tape → its participants: a loop, plain, held at a fault, seen by a camera, called, with
 two plants, ended by its mission."""
@@ -212,36 +186,26 @@ CALLS = {
 """Name in a tape → the calls of its run."""
 
 
-_OWN = ("compute_us", "link_us", "buffer_bytes", "chunk_bytes", "heal_ms")
-
-
+@lru_cache(maxsize=64)
 def scenario(name: str, steps: int, knobs: Knobs) -> Scenario:
     """Return a scenario of so many steps, with the knobs of a tape."""
-    defaults = Knobs()
-    # The others are the simulator's.
-    own = {item: getattr(defaults, item) for item in _OWN}
-    return _loaded(name, steps, msgspec.structs.replace(knobs, **own))
-
-
-@cache
-def _loaded(name: str, steps: int, knobs: Knobs) -> Scenario:
-    return load(as_data(name, steps, knobs))
+    # A scenario has the files of its folder, which takes longest to read.
+    _EMPTY.mkdir(exist_ok=True)
+    with contextlib.chdir(_EMPTY):
+        return load(as_data(name, steps, knobs))
 
 
 def as_data(name: str, steps: int, knobs: Knobs) -> dict[str, Any]:
     """Return the same as plain data, as a file would have it."""
-    participants = SCENARIOS[name]()
     limits = {
         f"{phase}_timeout": f"{getattr(knobs, f'{phase}_ms')}ms"
         for phase in ("spawn", "join", "ready", "step", "stop")
     }
-    for row in participants.values():
-        row.update(limits)
     return {
         "name": name,
         "step": "5ms",
         "duration": f"{5 * steps}ms",
         "window": knobs.window,
         **({"batch": knobs.batch} if knobs.batch else {}),
-        "participants": participants,
+        "participants": {name: row | limits for name, row in SCENARIOS[name].items()},
     }

@@ -27,15 +27,6 @@ class Dead(BaseException):
     """Code of a process that has ended is unwound: whatever it waits for never comes."""
 
 
-class Event:
-    """Something that will happen; `act` is None once it has been cancelled."""
-
-    __slots__ = ("act",)
-
-    def __init__(self, act: Callable[[], None]) -> None:
-        self.act: Callable[[], None] | None = act
-
-
 class World:
     """Simulated time and all that is due in it.
 
@@ -47,7 +38,7 @@ class World:
         self.wall_ns = 1_700_000_000 * NS
         self.trace: list[str] | None = [] if keeps_trace else None
         self.processes: list[Process] = []
-        self._events: list[tuple[int, int, Event]] = []
+        self._events: list[tuple[int, int, Callable[[], None]]] = []
         self._count = 0
         self._hub = getcurrent()
 
@@ -56,12 +47,10 @@ class World:
         if self.trace is not None:
             self.trace.append(f"{self.now_ns / 1e6:.3f} ms  {text}")
 
-    def after(self, delay_ns: int, act: Callable[[], None]) -> Event:
+    def after(self, delay_ns: int, act: Callable[[], None]) -> None:
         """Let something happen after a time; it happens after all that is due at that time."""
         self._count += 1
-        event = Event(act)
-        heapq.heappush(self._events, (self.now_ns + max(0, delay_ns), self._count, event))
-        return event
+        heapq.heappush(self._events, (self.now_ns + max(0, delay_ns), self._count, act))
 
     def go(self, until: Callable[[], bool]) -> None:
         """Let time pass until a condition holds, or nothing more is due.
@@ -71,10 +60,9 @@ class World:
         for _ in range(_MOST_EVENTS):
             if until() or not self._events:
                 return
-            t_ns, _, event = heapq.heappop(self._events)
-            if event.act is not None:
-                self.now_ns = max(self.now_ns, t_ns)
-                event.act()
+            t_ns, _, act = heapq.heappop(self._events)
+            self.now_ns = max(self.now_ns, t_ns)
+            act()
         raise Livelock(f"{_MOST_EVENTS} events, and no end at {self.now_ns / NS:.3f} s")
 
     def current(self) -> Process:
@@ -110,7 +98,7 @@ class Process:
         self.on_call: dict[int, Callable[[], None]] = {}
         self.on_end: list[Callable[[], None]] = []
         self._program = work
-        self._wakes: list[Event] = []
+        self._waits = 0
         self._held: list[Callable[[], None]] = []
         world.processes.append(self)
 
@@ -152,7 +140,13 @@ class Process:
 
     def wake(self, delay_ns: int = 0) -> None:
         """Let it go on after a time, if it still waits then."""
-        self._wakes.append(self.world.after(delay_ns, lambda: self.act(self._resume)))
+        number = self._waits
+
+        def resume() -> None:
+            if self._waits == number:
+                self._resume()
+
+        self.world.after(delay_ns, lambda: self.act(resume))
 
     def call(self) -> None:
         """Count a call that its own code makes; it may be the last."""
@@ -195,17 +189,13 @@ class Process:
 
     def _end(self, code: int) -> None:
         self.exit_code, self.ended_ns = code, self.world.now_ns
-        for event in self._wakes:
-            event.act = None
-        self._wakes, self._held = [], []
+        self._held = []
         self.world.note(f"{self.name} has ended with {code}")
         for what in self.on_end:
             what()
 
     def _resume(self) -> None:
-        for event in self._wakes:
-            event.act = None
-        self._wakes.clear()
+        self._waits += 1
         self.thread.switch()
 
     def _work(self) -> None:

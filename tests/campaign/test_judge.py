@@ -6,17 +6,15 @@ import random
 import subprocess
 import sys
 import time
-from collections import Counter
 
 import pytest
 from campaign import judge as judging
-from campaign.__main__ import Outcome, table
 from campaign.faults import FAULTS, Fault
 from campaign.judge import judge
 from campaign.log_reader import read
-from campaign.mutations import message_changed, message_dropped
-from campaign.runs import SCENARIOS, WHOLE, Case, Scenario, cases, has_struck, strike
+from campaign.mutations import MUTATIONS
 from campaign.sandbox import MARK, sandbox
+from campaign.test_runs import SCENARIOS, Case, Scenario, cases, has_struck, run_case
 from mcap.writer import Writer
 from support.tools import needs_store
 
@@ -149,7 +147,7 @@ def test_what_was_published_on_behalf_of_a_participant_is_not_its_own(tmp_path):
 
 def test_a_run_that_finished_has_no_hole(box):
     path = box.out / "run.mcap"
-    path.write_bytes(message_dropped(random.Random(1), path.read_bytes()))
+    path.write_bytes(MUTATIONS["message dropped"](random.Random(1), path.read_bytes()))
     end(box)
     assert any(line.startswith("finished with a hole: ") for line in broken(box))
 
@@ -160,10 +158,10 @@ def test_another_recording_than_undisturbed(box):
     assert broken(box)[0].startswith("another recording than")
 
 
-@pytest.mark.parametrize("mutation", [message_dropped, message_changed])
+@pytest.mark.parametrize("mutation", ["message dropped", "message changed"])
 def test_a_hole_is_found_by_the_hash_chain(two_link_recording, tmp_path, mutation):
     other = tmp_path / "run.mcap"
-    other.write_bytes(mutation(random.Random(1), two_link_recording.read_bytes()))
+    other.write_bytes(MUTATIONS[mutation](random.Random(1), two_link_recording.read_bytes()))
     assert read(two_link_recording).holes() == []
     assert read(other).holes() != []
 
@@ -171,7 +169,7 @@ def test_a_hole_is_found_by_the_hash_chain(two_link_recording, tmp_path, mutatio
 @pytest.mark.parametrize("reports", [True, False])
 def test_a_hole_is_wrong_only_where_it_is_not_reported(box, monkeypatch, reports):
     path = box.out / "run.mcap"
-    path.write_bytes(message_dropped(random.Random(1), path.read_bytes()))
+    path.write_bytes(MUTATIONS["message dropped"](random.Random(1), path.read_bytes()))
     end(box, 130)
     if not reports:
         monkeypatch.setattr(judging, "_is_reported", lambda _box: False)
@@ -181,11 +179,12 @@ def test_a_hole_is_wrong_only_where_it_is_not_reported(box, monkeypatch, reports
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_whole_campaign_has_every_fault_and_every_scenario(seed):
-    rows = cases(WHOLE, seed)
-    assert Counter(row.fault for row in rows) == {name: row.cases for name, row in FAULTS.items()}
+    rows = cases(seed)
+    assert sorted(row.fault for row in rows) == sorted(FAULTS)
     assert {row.scenario for row in rows} == set(SCENARIOS)
     assert {row.moment for row in rows} == {"start", "middle", "end"}
-    assert rows == cases(WHOLE, seed) == cases(2 * WHOLE, seed)[:WHOLE]
+    assert rows == cases(seed)
+    assert cases(seed, 7) == rows[:7]
 
 
 @pytest.mark.parametrize(
@@ -196,25 +195,18 @@ def test_a_whole_campaign_has_every_fault_and_every_scenario(seed):
     ],
 )
 def test_the_arguments_of_every_scenario_are_valid(name):
-    row = SCENARIOS[name].patient(2.5)
-    words = row.arguments(name, endless=True)
+    row = SCENARIOS[name]
+    words = row.arguments(name, endless=True, patience=2.5)
     scenario = load(words[0], [*words[2::2], f"duration={row.duration}"])
     assert {spec.name for spec in scenario.participants} == set(row.participants)
 
 
 @pytest.mark.slow
-def test_an_undisturbed_run_that_fails_is_a_broken_case_with_its_output(monkeypatch):
+def test_an_undisturbed_run_that_fails_is_an_error_with_its_output(monkeypatch):
     monkeypatch.setitem(SCENARIOS, "two_link", Scenario(duration="7us"))
-    case = Case(number=0, fault="stdout is a closed pipe", scenario="two_link", moment="start")
-    ((_, verdict),) = strike([case], 1, 2.0)
-    assert [line.split(":")[0] for line in verdict.broken] == ["the undisturbed run failed"]
-    assert "not a whole number" in verdict.broken[0]
-
-
-def test_a_case_that_the_campaign_cannot_judge_is_broken(monkeypatch):
-    case = Case(number=0, fault="stdout is a closed pipe", scenario="no_such", moment="start")
-    ((_, verdict),) = strike([case], 1, 2.0)
-    assert "KeyError: 'no_such'" in verdict.broken[0]
+    case = Case(fault="the logs are removed", scenario="two_link", moment="middle")
+    with pytest.raises(RuntimeError, match=r"undisturbed run failed[\s\S]*not a whole number"):
+        run_case(case, 1, 2.0)
 
 
 @pytest.mark.parametrize("name", ["the sockets are removed", "the recording is cut"])
@@ -228,19 +220,6 @@ def test_a_fault_misses_a_run_that_has_ended(box, name, is_over):
         (box.out / "run.mcap").write_bytes(b"not yet whole")
     assert has_struck(box, FAULTS[name], random.Random(1)) == (not is_over)
     box.process.kill()
-
-
-def test_the_table_says_how_often_a_fault_missed():
-    cells = [(0, 1, frozenset({0}), 0.1), (1, 0, frozenset({8}), 0.2)]
-    titles = ("Cases", "Missed", "Exit codes", "Slowest end [s]")
-    outcomes = [
-        Outcome(case="", row="a fault", cells=dict(zip(titles, row, strict=True)), broken=())
-        for row in cells
-    ]
-    assert table(outcomes)[2:] == [
-        "| a fault | 1 | 1 | 0, 8 | 0.2 | 0 |",
-        "| **all** | 1 | 1 | 0, 8 | 0.2 | 0 |",
-    ]
 
 
 def test_a_run_that_ended_before_the_fault_is_judged_as_undisturbed(box):

@@ -4,14 +4,7 @@ import random
 
 import pytest
 from campaign.log_reader import parse
-from campaign.mutations import (
-    MUTATIONS,
-    attachment_changed,
-    flip,
-    message_changed,
-    message_dropped,
-    rewritten,
-)
+from campaign.mutations import MUTATIONS
 from campaign.readers import Answer, Judge
 
 UNDAMAGED = Answer(0, "run.mcap: undamaged\nkept 3 messages")
@@ -21,18 +14,23 @@ DAMAGED = Answer(0, "run.mcap: the file ends before its end record")
 
 def judged(recording, mutation, reader, answer):
     before = recording.read_bytes()
-    after = mutation(random.Random(2), before)
+    after = MUTATIONS[mutation](random.Random(2), before)
     return list(Judge(mutation, before, after).judge(reader, answer))
 
 
 @pytest.mark.parametrize(
     ("mutations", "reader", "answer", "problem"),
     [
-        ([flip, message_dropped, message_changed], "recover", UNDAMAGED, "wrong undamaged"),
-        ([rewritten, attachment_changed], "recover", UNDAMAGED, None),
-        ([rewritten], "recover", DAMAGED, "wrong damage"),
-        ([message_dropped, message_changed], "diff", EQUAL, "wrong equal"),
-        ([attachment_changed], "diff", EQUAL, None),
+        (
+            ["a bit flipped", "message dropped", "message changed"],
+            "recover",
+            UNDAMAGED,
+            "wrong undamaged",
+        ),
+        (["rewritten", "attachments changed"], "recover", UNDAMAGED, None),
+        (["rewritten"], "recover", DAMAGED, "wrong damage"),
+        (["message dropped", "message changed"], "diff", EQUAL, "wrong equal"),
+        (["attachments changed"], "diff", EQUAL, None),
     ],
 )
 def test_an_answer_is_wrong_where_it_is_false(
@@ -47,12 +45,11 @@ def test_an_answer_is_wrong_where_it_is_false(
     "answer", [Answer(1, "stepbus: internal"), Answer(-11, ""), Answer(2, "Traceback (most")]
 )
 def test_a_traceback_or_crash_is_wrong(two_link_recording, answer):
-    assert judged(two_link_recording, flip, "read", answer) != []
+    assert judged(two_link_recording, "a bit flipped", "read", answer) != []
 
 
-@pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.__name__)
-def test_every_mutation_changes_the_file(two_link_recording, mutation):
-    before = rewritten(random.Random(0), two_link_recording.read_bytes())
-    seeds = range(3) if mutation is not rewritten else ()
-    assert all(mutation(random.Random(seed), before) != before for seed in seeds)
+@pytest.mark.parametrize("name", sorted(MUTATIONS.keys() - {"rewritten"}))
+def test_every_mutation_changes_the_file(two_link_recording, name):
+    before = MUTATIONS["rewritten"](random.Random(0), two_link_recording.read_bytes())
+    assert all(MUTATIONS[name](random.Random(seed), before) != before for seed in range(3))
     assert len(parse(before).rows) == 61 + 3 * 60 + 1

@@ -27,7 +27,7 @@ def test_the_simulator_has_every_fault_of_a_run():
 def test_real_processes_agree(number, kind, tmp_path, monkeypatch):
     random = Random(number)
     name = random.choice(["loop", "seen"])
-    draw = Draw(random=random, names=list(SCENARIOS[name]()), steps=40)
+    draw = Draw(random=random, names=list(SCENARIOS[name]), steps=40)
     tape = Tape(name, 50, KNOBS, (draw_fault(kind, draw),))
     execution, problems = execute(tape)
     assert problems == []

@@ -11,12 +11,12 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.replay import replay as replay_participant
 
 
-@pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.__name__)
+@pytest.mark.parametrize("mutation", MUTATIONS)
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in range(1, 8))]
 )
 def test_no_reader_is_wrong_about_a_mutated_recording(two_link_recording, tmp_path, mutation, seed):
-    chance = random.Random(f"{mutation.__name__} {seed}")
+    chance = random.Random(f"{mutation} {seed}")
     assert list(read_all(mutation, chance, two_link_recording, tmp_path, "controller")) == []
 
 
