@@ -30,10 +30,10 @@ Sizes = Mapping[str, float]
 """Process → its size [MB]."""
 
 
-def run(steps: int, folder: Path) -> list[Sizes]:
+def run(steps: int, folder: Path) -> Sequence[Sizes]:
     """Run two_link; return samples of the sizes of its processes while it has participants."""
     words = ["two_link", "--set", f"duration={steps * STEP_MS}ms", "--no-report"]
-    samples = []
+    samples: list[Sizes] = []
     with subprocess.Popen([*STEPBUS, "run", *words, "--out", str(folder)]) as process:
         own = psutil.Process(process.pid)
         while process.poll() is None:

@@ -1,6 +1,5 @@
 """Parts of pages that commands write, each between `<!-- NAME -->` and `<!-- /NAME -->`."""
 
-import re
 from collections.abc import Mapping
 
 
@@ -10,8 +9,9 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
     A part ends with a newline.
     """
     for name, text in parts.items():
-        place = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-        page, count = place.subn(lambda match, text=text: f"{match[1]}\n{text}\n{match[2]}", page)
-        if count != 1:
-            raise ValueError(f"the page needs one `<!-- {name} -->` … `<!-- /{name} -->`")
+        begin, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"
+        if page.count(begin) != 1 or page.count(end) != 1:
+            raise ValueError(f"the page needs one '{begin.strip()}' and one '{end}'")
+        head, tail = page.split(begin, maxsplit=1)[0], page.split(end)[1]
+        page = f"{head}{begin}\n{text}\n{end}{tail}"
     return page
