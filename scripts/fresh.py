@@ -24,7 +24,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,6 +46,7 @@ OWN_USER = 61_000
 """Users of its own have numbers from here to 64,999, of which Debian gives out none."""
 PATIENCE_S = 60.0
 """How long a process may take to end after the command that started it."""
+CHILDREN = Path(f"/proc/self/task/{os.getpid()}/children")
 PYTHON = (3, 11)
 """The version that has PyBullet, and so all tests."""
 
@@ -164,40 +164,27 @@ def commands_of_the_readme() -> list[str]:
     return match[1].splitlines()
 
 
-def descendants() -> Iterator[int]:
-    """Yield the processes below this one that run; it inherits those whose parents have ended."""
-    parents, running = {}, set()
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                state, parent = (entry / "stat").read_text().rpartition(")")[2].split()[:2]
-            except OSError:
-                continue
-            parents[int(entry.name)] = int(parent)
-            if state != "Z":
-                running.add(int(entry.name))
-    for pid in sorted(running - {os.getpid()}):
-        ancestor = pid
-        while ancestor := parents.get(ancestor, 0):
-            if ancestor == os.getpid():
-                yield pid
-                break
-
-
 def processes_left() -> list[str]:
-    """Wait for processes to end; end those that do not, and return what they were."""
-    end = time.monotonic() + PATIENCE_S
-    while (left := list(descendants())) and time.monotonic() < end:
-        time.sleep(0.1)
-    named = []
-    for pid in left:
-        try:
-            words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
-            named.append(f"process {pid}: {' '.join(words)[:200]}")
-            os.kill(pid, signal.SIGKILL)
-        except OSError:
-            continue
+    """Wait for processes to end; end those that do not, and return what they were.
+
+    All are children of this process: it inherits those whose parents have ended.
+    """
+    end, named = time.monotonic() + PATIENCE_S, []
+    with contextlib.suppress(ChildProcessError):
+        while True:
+            if os.waitpid(-1, os.WNOHANG) != (0, 0):
+                continue
+            if time.monotonic() > end:
+                named += [ended(pid) for pid in CHILDREN.read_text().split()]
+            time.sleep(0.1)
     return named
+
+
+def ended(pid: str) -> str:
+    """Kill a child; return what it was."""
+    words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    os.kill(int(pid), signal.SIGKILL)
+    return f"process {pid}: {' '.join(words)[:200]}"
 
 
 def try_out(machine: Machine, order: int) -> list[str]:

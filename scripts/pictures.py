@@ -138,16 +138,9 @@ class Entry:
             words = ["plot", folder.name, *self.signals, "--out", str(target)]
         else:
             start, end = self.seen
-            words = ["export", folder.name, "--video", str(target), "--size", "400x300", "--fps"]
-            words += [
-                "5",
-                "--viewpoint",
-                self.viewpoint,
-                "--from",
-                f"{start:g}s",
-                "--to",
-                f"{end:g}s",
-            ]
+            look = f"--size 400x300 --fps 5 --viewpoint {self.viewpoint}"
+            span = f"--from {start:g}s --to {end:g}s"
+            words = ["export", folder.name, "--video", str(target), *f"{look} {span}".split()]
         run_command([*STEPBUS, *words], cwd=folder.parent)
         if self.signals:
             small(target, 64, 800)
@@ -215,15 +208,8 @@ class Shot:
         if self.page == "view":
             return printed_address([*STEPBUS, "view", str(folder), "--no-open"])
         if self.page == "live":
-            words = [
-                "--view",
-                "--no-open",
-                "--no-report",
-                "--real-time",
-                "--pause-at",
-                f"{self.at:g}",
-            ]
-            words += ["--out", str(scratch / self.scenario)]
+            look = f"--view --no-open --no-report --real-time --pause-at {self.at:g}"
+            words = [*look.split(), "--out", str(scratch / self.scenario)]
             return printed_address([*STEPBUS, "run", self.scenario, *words])
         target = scratch / f"{self.name}.html"
         run_command([*STEPBUS, "report", str(folder), "--out", str(target)])

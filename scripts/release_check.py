@@ -7,7 +7,7 @@
     make release-check RELEASE='--tag v0.2.0 --out dist'      also: the tag fits; keep the files
 
     build     wheel and sdist of HEAD, and the wheel from the sdist: the same bytes, every file that
-              a package needs and no other; versions agree, `twine check --strict`
+              a package needs; versions agree, `twine check --strict`
     demo      the wheel, with the dependencies of this environment: run, new, doctor
     extras    the wheel and each extra in an empty environment, from the registry of pip
     docs      the examples of the pages, against the wheel

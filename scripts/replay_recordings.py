@@ -189,11 +189,10 @@ def summary(results: Sequence[Replay]) -> str:
         cells = (code(one.recording), plain(one.participant), f"{mark}{one.verdict}{mark}")
         lines.append(f"| {' | '.join(cells)} | {plain(one.reason)} |")
     for one in wrong:
-        # Longer than any in the text: only this one ends the block.
-        fence = "`" * max([3, *(1 + len(ticks) for ticks in re.findall("`+", one.said))])
-        said = map(visible, one.said.splitlines())
         title = plain(f"{one.recording} {one.participant}".strip())
-        lines += ["", f"### {title}", "", f"{fence}text", *said, fence]
+        lines += ["", f"### {title}", ""]
+        # No text can end a block that is indented.
+        lines += [f"    {visible(line)}" for line in one.said.splitlines()]
         if one.files:
             lines += ["", "In the artifact: " + ", ".join(map(code, one.files))]
     return "\n".join(lines) + "\n"

@@ -1,14 +1,17 @@
 """The tables of docs/comparison.md, from results.json: `python -m benchmarks.comparison.page`.
 
-Each table stands in the page between `<!-- measured: NAME -->` and `<!-- end of NAME -->`.
+The marks of each table are named `measured: …`.
 """
 
 import json
 import re
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+
+from scripts.pages import filled
+
+from stepbus_schemas.tables import table
 
 HERE = Path(__file__).parent
 PAGE = HERE.parents[1] / "docs/comparison.md"
@@ -24,12 +27,6 @@ ONE_PROCESS = {"fmi", "pybullet_gymnasium"}
 """Tools in which the controller is a part of the process that runs everything."""
 _CODE = {".py"}
 _TIMESTAMP = re.compile(r"^(\d{4}-\d\d-\d\d )?\d\d:\d\d:\d\d(\.\d+)?( \|)? +")
-
-
-def _table(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    head = list(header)
-    lines = [head, ["---"] * len(head), *map(list, rows)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def _yes(condition: bool) -> str:
@@ -53,8 +50,8 @@ def same(results: dict[str, Any]) -> str:
         repeats = f"{_yes(len(set(tool['traces'])) == 1)}, {_count(count, 'run')}"
         equal = _yes(set(tool["traces"]) == {results["loop"]})
         rows.append([NAMES[name], versions, repeats, equal, recording])
-    header = ("", "Versions", "Same trace", "Equals a plain loop", "Same bytes of the recording")
-    return _table(header, rows)
+    header = ["", "Versions", "Same trace", "Equals a plain loop", "Same bytes of the recording"]
+    return table(header, rows)
 
 
 def _ending(strike: dict[str, Any], waited_s: float) -> str:
@@ -92,8 +89,8 @@ def strikes(results: dict[str, Any], kind: str) -> str:
         if kind == "sleep" and "guarded" in tool:
             title = f"{NAMES[name]}, {tool['guarded']['guard']}"
             rows.append([title, *_struck(tool["guarded"], results["waited_s"])])
-    header = ("", "Ends", "Exit code", "Recording has", "Processes left behind")
-    return _table(header, rows)
+    header = ["", "Ends", "Exit code", "Recording has", "Processes left behind"]
+    return table(header, rows)
 
 
 def _struck(strike: dict[str, Any], waited_s: float) -> list[str]:
@@ -110,7 +107,7 @@ def says(results: dict[str, Any], kind: str) -> str:
         rows.append([NAMES[name], _said(tool[kind])])
         if kind == "sleep" and "guarded" in tool:
             rows.append([f"{NAMES[name]}, {tool['guarded']['guard']}", _said(tool["guarded"])])
-    return _table(("", "Says"), rows)
+    return table(["", "Says"], rows)
 
 
 def _said(strike: dict[str, Any]) -> str:
@@ -130,21 +127,21 @@ def lines(results: dict[str, Any]) -> str:
         config = sum(n for file, n in run.items() if Path(file).suffix not in _CODE)
         record = sum(n for file, n in tool["lines"].items() if file in records)
         rows.append([NAMES[name], str(code), str(config), str(record), str(code + config + record)])
-    header = ("", "Python", "Configuration", "For recording", "Total")
-    return _table(header, rows)
+    header = ["", "Python", "Configuration", "For recording", "Total"]
+    return table(header, rows)
 
 
 def conditions(results: dict[str, Any]) -> str:
     """Return where and when it was measured."""
     return (
         f"Measured while other jobs ran (load {results['load']}) on {results['date']}: "
-        f"{results['machine']}."
+        f"{results['machine']}.\n"
     )
 
 
 def tables(results: dict[str, Any]) -> dict[str, str]:
-    """Return name → table."""
-    return {
+    """Return the parts of the page, by the names of their marks."""
+    parts = {
         "conditions": conditions(results),
         "same": same(results),
         "kill": strikes(results, "kill"),
@@ -153,17 +150,7 @@ def tables(results: dict[str, Any]) -> dict[str, str]:
         "sleep says": says(results, "sleep"),
         "lines": lines(results),
     }
-
-
-def filled(text: str, results: dict[str, Any]) -> str:
-    """Return the page with its tables; raise ValueError if it has no place for one."""
-    for name, table in tables(results).items():
-        begin, end = f"<!-- measured: {name} -->", f"<!-- end of {name} -->"
-        if text.count(begin) != 1 or text.count(end) != 1:
-            raise ValueError(f"docs/comparison.md needs one '{begin}' and one '{end}'")
-        head, tail = text.split(begin, maxsplit=1)[0], text.split(end)[1]
-        text = f"{head}{begin}\n\n{table}\n\n{end}{tail}"
-    return text
+    return {f"measured: {name}": text for name, text in parts.items()}
 
 
 def read_results() -> dict[str, Any]:
@@ -175,7 +162,8 @@ def read_results() -> dict[str, Any]:
 
 def main() -> None:
     """Write the tables into the page."""
-    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), read_results()), encoding="utf-8")
+    page = filled(PAGE.read_text(encoding="utf-8"), tables(read_results()))
+    PAGE.write_text(page, encoding="utf-8")
     sys.stdout.write(f"{PAGE}\n")
 
 

@@ -1,34 +1,36 @@
-"""The table of docs/performance.md, between two marks of that page."""
+"""The table of docs/performance.md."""
 
 import statistics
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from scripts.pages import filled
+
+from stepbus_schemas.tables import table
+
 from .cases import CHAIN
 
-START, END = "<!-- bench: start -->", "<!-- bench: end -->"
-_HEAD = """| Case | steps/s | of the chain | processor time a step [µs] | of the chain | wake-ups a step | p50 [µs] | p99 [µs] | max [ms] | recorded [B/step] | memory of each process [MB] |
-|---|---|---|---|---|---|---|---|---|---|---|
-"""  # noqa: E501
+_HEAD = [
+    *("Case", "steps/s", "of the chain", "processor time a step [µs]", "of the chain"),
+    *("wake-ups a step", "p50 [µs]", "p99 [µs]", "max [ms]", "recorded [B/step]"),
+    "memory of each process [MB]",
+]
 
 Row = dict[str, Any]
 
 
 def write_page(page: Path, names: Sequence[str], rows: Sequence[Row]) -> None:
-    """Replace what stands between the marks; names: of the cases, in order."""
+    """Write the table into the page; names: of the cases, in order."""
     good = [row for row in rows if "failed" not in row]
     cases = {name: [row for row in good if row["case"] == name] for name in names}
     cases = {name: measured for name, measured in cases.items() if measured}
     lines = [_line(name, measured, cases.get(CHAIN, [])) for name, measured in cases.items()]
     missing = sorted(set(names) - set(cases))
-    content = f"{_machine(good)}\n\n{_HEAD}{''.join(lines)}\n"
+    content = f"{_machine(good)}\n\n{table(_HEAD, lines)}"
     if missing:
-        content += f"Not measured: {', '.join(missing)}.\n\n"
-    text = page.read_text()
-    before, _, rest = text.partition(START)
-    _, _, after = rest.partition(END)
-    page.write_text(f"{before}{START}\n{content}{END}{after}")
+        content += f"\nNot measured: {', '.join(missing)}.\n"
+    page.write_text(filled(page.read_text(), {"bench": content}))
 
 
 def _median(rows: Sequence[Row], key: str) -> float:
@@ -42,12 +44,12 @@ def ratio(rows: Sequence[Row], base: Sequence[Row], key: str) -> float | None:
     return statistics.median(ratios) if ratios else None
 
 
-def _line(name: str, rows: Sequence[Row], base: Sequence[Row]) -> str:
+def _line(name: str, rows: Sequence[Row], base: Sequence[Row]) -> list[str]:
     ratios = (ratio(rows, base, key) for key in ("rate", "cpu_us"))
     of_rate, of_cpu = ("" if value is None else f"{value:.2f}" for value in ratios)
     recorded = f"{_median(rows, 'bytes'):.0f}" if "bytes" in rows[0] else ""
     memory = " ".join(f"{size:.0f}" for size in rows[-1].get("memory", ()))
-    cells = (
+    return [
         name,
         f"{_median(rows, 'rate'):.0f}",
         of_rate,
@@ -59,8 +61,7 @@ def _line(name: str, rows: Sequence[Row], base: Sequence[Row]) -> str:
         f"{_median(rows, 'max') * 1e-3:.1f}",
         recorded,
         memory,
-    )
-    return f"| {' | '.join(cells)} |\n"
+    ]
 
 
 def _machine(rows: Sequence[Row]) -> str:

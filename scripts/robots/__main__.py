@@ -17,15 +17,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scripts.pages import filled
 from scripts.robots.case import Case, G
 from scripts.robots.libraries import Library, read
 
 from stepbus_participant import package_path
+from stepbus_schemas.tables import table
 
 ENGINES = {"pybullet": "PyBullet", "mujoco": "MuJoCo"}
 _FOLDER = Path(__file__).parent
 _PAGE = _FOLDER.parents[1] / "docs/guide/running/robots.md"
-_TABLES = re.compile(r"(?<=<!-- tables -->\n).*?(?=<!-- /tables -->)", re.DOTALL)
 _INFINITE = 1e8
 _QUANTITIES = ("limits", "mimic", "model poses", "model torque", "poses", "torque", "mass")
 
@@ -125,11 +126,6 @@ def _sentence(error: str) -> str:
 # --- the page ------------------------------------------------------------------------------------
 
 
-def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
 def _number(value: float) -> str:
     if not value <= _INFINITE:
         return "∞" if value > _INFINITE else "–"
@@ -147,7 +143,7 @@ def _overview(measured: Sequence[Measured]) -> str:
         engines = ["refused" if engine in row.refused else "runs" for engine in ENGINES]
         rows.append([robot.name, robot.kind, f"`{robot.package}`", form, count, *engines])
     header = ["Robot", "Kind", "Package", "Format", "Joints", *ENGINES.values()]
-    return _table(header, rows)
+    return table(header, rows)
 
 
 def _differences(measured: Sequence[Measured]) -> str:
@@ -161,7 +157,7 @@ def _differences(measured: Sequence[Measured]) -> str:
                 cells.append(f"**{text}**" if is_excess else text)
             rows.append([row.robot.name, ENGINES[engine], *cells])
     header = ["limits", "mimic", "poses, model", "torques, model", "poses", "torques", "mass"]
-    return _table(["Robot", "Engine", *header], rows)
+    return table(["Robot", "Engine", *header], rows)
 
 
 def _runs(measured: Sequence[Measured]) -> str:
@@ -177,7 +173,7 @@ def _runs(measured: Sequence[Measured]) -> str:
         apart = _number(row.apart()) if len(row.runs) == len(ENGINES) else ""
         rows.append([row.robot.name, what, *values, apart, *(slips if mimics else ["", ""])])
     followers = [f"followers, {name}" for name in ENGINES.values()]
-    return _table(["Robot", "Run", *ENGINES.values(), "apart", *followers], rows)
+    return table(["Robot", "Run", *ENGINES.values(), "apart", *followers], rows)
 
 
 def _refused(measured: Sequence[Measured]) -> str:
@@ -187,7 +183,7 @@ def _refused(measured: Sequence[Measured]) -> str:
         for engine, reason in row.refused.items():
             by_reason.setdefault(reason, []).append(ENGINES[engine])
         rows += [[row.robot.name, ", ".join(names), why] for why, names in by_reason.items()]
-    return _table(["Robot", "Engine", "Reason"], rows)
+    return table(["Robot", "Engine", "Reason"], rows)
 
 
 def write_page(measured: Sequence[Measured]) -> None:
@@ -199,9 +195,9 @@ def write_page(measured: Sequence[Measured]) -> None:
         "Runs": _runs(measured),
         "Refused": _refused(measured),
     }
-    text = "".join(f"\n## {title}\n\n{part}" for title, part in parts.items())
-    page = _PAGE.read_text(encoding="utf-8")
-    _PAGE.write_text(_TABLES.sub(lambda _: f"{text}\n", page), encoding="utf-8")
+    text = "\n".join(f"## {title}\n\n{part}" for title, part in parts.items())
+    page = filled(_PAGE.read_text(encoding="utf-8"), {"tables": text})
+    _PAGE.write_text(page, encoding="utf-8")
 
 
 def main() -> int:
