@@ -175,6 +175,7 @@ class Outbox:
         # Of every message: what it needs is looked up once.
         self.name, self._token, self._step_ns = welcome.name, welcome.token, welcome.step_ns
         self._batch, self._max_bytes = welcome.batch, welcome.max_outputs_bytes
+        self._every = welcome.every
         self._drops = drops
         self._ports = OutputPorts(welcome.outputs, types)
         self._put = bus.publisher(f"out/{welcome.name}", encoding_of("Outputs/1"))
@@ -227,7 +228,7 @@ class Outbox:
         """Have the outputs of all steps go to readers in this thread, by `hand_over` only."""
         self._exchange, name = exchange, self.name
         self._batch = min(self._batch, _HANDED_OVER)
-        self._readers = exchange.waiting[name]
+        self._waiting, self._place = exchange.waiting[name], exchange.places[name]
         most = self._max_bytes - _ENVELOPE_BYTES
         classes = self._ports.classes
         self._most_bytes = most - sum(_PORT_BYTES + len(port.encode()) for port in classes)
@@ -241,7 +242,7 @@ class Outbox:
 
     def hand_over(self, step: int, messages: Mapping[str, Message] | None, end: str | None) -> None:
         """Publish as `publish` does, where no bus lies between."""
-        ports: dict[str, msgspec.Raw] = {}
+        ports: dict[str, Any] = {}
         size, rows = 0, self._rows
         for port, message in messages.items() if messages else ():
             cls, readers = rows.get(port, _NO_PORT)
@@ -252,21 +253,22 @@ class Outbox:
                 # It says which one.
                 data = self._ports.encode(step, port, message)
             size += len(data)
-            content = ports[port] = msgspec.Raw(data)
+            ports[port] = data
             for pending in readers:
-                pending.append((step, content))
+                pending.append((step, data))
         outputs = Outputs(
             token=self._token, step=step, t_ns=step * self._step_ns, ports=ports, end=end
         )
         if size > self._most_bytes or end is not None:
-            self._check_size(step, len(encode(outputs)))
+            raw = {port: msgspec.Raw(data) for port, data in ports.items()}
+            self._check_size(step, len(encode(msgspec.structs.replace(outputs, ports=raw))))
         self.step = step
         self._outputs.append(outputs)
         exchange = self._exchange
-        exchange.steps[self.name] = step
-        exchange.words[exchange.places[self.name]] += 1
-        if self._readers:
-            exchange.wake(self.name)
+        exchange.known[self.name] = step + self._every
+        exchange.words[self._place] += 1
+        if self._waiting:
+            exchange.wake(self._waiting)
 
     def publish(
         self, step: int, messages: Mapping[str, Message] | None, end: str | None = None

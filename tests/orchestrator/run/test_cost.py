@@ -4,7 +4,7 @@ import cProfile
 
 import stepbus
 
-LIMITS = {"two_link": 320}
+LIMITS = {"two_link": 270}
 """Calls a step over the orchestrator and all participants, of Python's and of C's functions.
 
 Python 3.11 makes 263, 273 with MuJoCo; 3.12 about 4 % more, a busy machine up to 300. Where more

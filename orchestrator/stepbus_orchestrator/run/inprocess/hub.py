@@ -99,21 +99,31 @@ class HostedParticipant(Process):
 
         Meanwhile, what is printed goes to its log.
         """
-        hub, words, streams = self._hub, self._words, (sys.stdout, sys.stderr)
-        hub.current = self
-        self.is_ready, self.deadline_s = False, None
-        sys.stdout = sys.stderr = self._output
-        words[TURN] = self._number
-        words[TURNS] += 1
+        streams = sys.stdout, sys.stderr
+        self._begin()
         try:
             if raised:
                 self._greenlet.throw(*raised)
             else:
                 self._greenlet.switch()
         finally:
-            words[TURN] = 0
+            # Perhaps another one than this has handed the thread back.
+            self._words[TURN] = 0
             sys.stdout, sys.stderr = streams
-            hub.current = None
+            self._hub.current = None
+
+    def follow(self) -> None:
+        """Take the thread from another participant, which waits until it gets it again."""
+        self._begin()
+        self._greenlet.switch()
+
+    def _begin(self) -> None:
+        words = self._words
+        self._hub.current = self
+        self.is_ready, self.deadline_s = False, None
+        sys.stdout = sys.stderr = self._output
+        words[TURN] = self._number
+        words[TURNS] += 1
 
     def _work(self) -> None:
         """Run the program to its end, and keep its exit code as its process would."""
@@ -200,6 +210,7 @@ class Hub:
 
     def let_go_on(self, hosted: HostedParticipant) -> None:
         """Give a participant its turn after all that have one already."""
+        hosted.has_expired = False
         if not hosted.is_ready:
             hosted.is_ready = True
             self._ready.append(hosted)
@@ -212,6 +223,21 @@ class Hub:
         self.let_go_on(me)
         self.root.switch()
         return True
+
+    def pause(self, timeout_s: float | None) -> bool:
+        """Give the thread of a participant to the next one, or to the root if it has news.
+
+        Return whether the participant gets it back because the time [s] is over.
+        """
+        me: Any = self.current
+        if timeout_s is not None:
+            # The first time-out counts at once, see `_expire`.
+            me.deadline_s = self.clock.monotonic() + timeout_s if me.has_expired else 0.0
+        if self._ready and not self.has_news:
+            self._ready.popleft().follow()
+        else:
+            self.root.switch()
+        return bool(me.has_expired)
 
     def queue(self) -> HubQueue:
         """Return a queue whose readers take turns."""
@@ -254,9 +280,9 @@ class Hub:
         """
         now = self.clock.monotonic()
         for one in self.hosted:
-            if one.deadline_s is not None and (not one.has_expired or now >= one.deadline_s):
-                one.has_expired = True
+            if one.deadline_s is not None and now >= one.deadline_s:
                 self.let_go_on(one)
+                one.has_expired = True
         return bool(self._ready)
 
 
@@ -276,7 +302,6 @@ class HubQueue:
             self._hub.has_news = True
         else:
             self._reader = None
-            reader.has_expired = False
             self._hub.let_go_on(reader)
 
     def get(self, block: bool = True, timeout: float | None = None) -> Any:
@@ -287,11 +312,9 @@ class HubQueue:
             if reader is None:
                 hub.rest(timeout, lambda: bool(items))
             else:
-                if timeout is not None:
-                    reader.deadline_s = hub.clock.monotonic() + timeout
                 try:
                     # This queue, or the time-out, gives it its next turn.
-                    hub.root.switch()
+                    hub.pause(timeout)
                 finally:
                     self._reader = None
         if not items:

@@ -178,7 +178,7 @@ class LocalRun(Strategy):
         self.state = run.state
         options = {spec.name: run.start_options(spec) for spec in specs}
         if not self._is_star and _can_exchange(scenario, options.values()):
-            self.bus.exchange = Exchange(self.memory.words, self._places)
+            self.bus.exchange = Exchange(self.hub, self.memory.words, self._places)
         for spec in specs:
             hosted = self._host(spec, scenario, options[spec.name])
             run.started(ParticipantState(spec, hosted))
