@@ -30,7 +30,7 @@ class Exchange:
     readers: (participant, port) → where its messages are kept until they are due, one for each
     input that reads them. known: participant → the first step whose outputs it has not published.
     waiting: participant → those that wait for it. words, places: the memory of the outside watcher,
-    and where it counts the steps of each participant.
+    and where it finds that step of each participant.
     """
 
     def __init__(self, turns: Turns, words: "memoryview[float]", places: Mapping[str, int]) -> None:

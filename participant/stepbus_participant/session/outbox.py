@@ -265,8 +265,7 @@ class Outbox:
         self.step = step
         self._outputs.append(outputs)
         exchange = self._exchange
-        exchange.known[self.name] = step + self._every
-        exchange.words[self._place] += 1
+        exchange.known[self.name] = exchange.words[self._place] = step + self._every
         if self._waiting:
             exchange.wake(self._waiting)
 

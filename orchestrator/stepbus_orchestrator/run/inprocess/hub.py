@@ -118,6 +118,7 @@ class HostedParticipant(Process):
         self._greenlet.switch()
 
     def _begin(self) -> None:
+        """Note whose turn it is, in all places."""
         words = self._words
         self._hub.current = self
         self.is_ready, self.deadline_s = False, None
@@ -221,7 +222,7 @@ class Hub:
         if me is None or not (self._ready or self.has_news):
             return False
         self.let_go_on(me)
-        self.root.switch()
+        self.pause(None)
         return True
 
     def pause(self, timeout_s: float | None) -> bool:
