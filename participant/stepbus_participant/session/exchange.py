@@ -7,6 +7,7 @@ from typing import Any, Protocol
 from stepbus_participant.inputs import Input
 from stepbus_schemas import Waiting
 
+from .outbox import BATCH_AGE_NS
 from .step_loop import FLUSH_AFTER_S, StepLoop
 
 
@@ -73,10 +74,10 @@ class ExchangingLoop(StepLoop):
         """Step until the orchestrator stops the run; what a step needs is looked up before."""
         outbox, step, known = self._outbox, self.step, self._exchange.known
         first, every, now_ns = self._first, self._every, self._now_ns
-        update, output, hand_over = self._update, self._output, outbox.hand_over
+        update, output, hand_over = self._update, self._output, outbox.join(self._exchange)
+        outputs, batch, timed = outbox.outputs, outbox.batch, outbox.timing.append
         links = [(source.name, source.delay) for source in self._sources]
-        inputs = [(item, item.pending, item.settle) for item in self._inputs]
-        outbox.join(self._exchange)
+        settles = [item.settle for item in self._inputs]
         while True:
             index, started, self._waited_ns = step.index, now_ns(), 0
             if index >= self._limit:
@@ -89,18 +90,18 @@ class ExchangingLoop(StepLoop):
                 # As of `due_step`: it publishes nothing else up to there.
                 if known[source] <= index - delay:
                     self._await(source, index - delay)
-            for item, pending, settle in inputs:
-                if pending:
-                    settle(index)
-                else:
-                    item.fresh = False
+            for settle in settles:
+                settle(index)
             messages = update(step)
             if not first:
                 hand_over(index, messages, step.end_reason)
                 step.end_reason = None
             elif messages:
                 self._refuse(messages)
-            outbox.finish(index, self._waited_ns, now_ns() - started - self._waited_ns)
+            ended, waited = now_ns(), self._waited_ns
+            timed((index, waited, ended - started - waited))
+            if len(outputs) >= batch or ended - outbox.flushed_ns > BATCH_AGE_NS:
+                outbox.flush()
             step.index = index + every
 
     def _await_release(self, step: int) -> None:
