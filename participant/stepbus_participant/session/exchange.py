@@ -38,26 +38,20 @@ class Exchange:
         self.turns = turns
         self.readers: dict[tuple[str, str], list[deque[tuple[int, Any]]]] = {}
         self.known: dict[str, int] = {}
-        self.waiting: dict[str, list[Any]] = {}
+        self.waiting: dict[str, deque[Any]] = {}
         self.words = words
         self.places = places
 
     def join(self, name: str, inputs: Mapping[str, Input]) -> Callable[[Any], object]:
         """Add the participant whose turn it is; return what lets it go on from a wait."""
         self.known[name] = 0
-        self.waiting.setdefault(name, [])
+        self.waiting.setdefault(name, deque())
         for item in inputs.values():
-            self.waiting.setdefault(item.config.source, [])
+            self.waiting.setdefault(item.config.source, deque())
             row = self.readers.setdefault((item.config.source, item.config.port), [])
             row.append(item.pending)
         me, let_go_on = self.turns.current, self.turns.let_go_on
         return lambda _: let_go_on(me)
-
-    def wake(self, waiting: list[Any]) -> None:
-        """Let those go on that wait for a participant."""
-        for one in waiting:
-            self.turns.let_go_on(one)
-        waiting.clear()
 
 
 class ExchangingLoop(StepLoop):

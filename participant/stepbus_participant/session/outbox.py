@@ -230,9 +230,9 @@ class Outbox:
         Return what publishes them, as `publish` does. All that it needs is looked up here.
         """
         name, token, step_ns, every = self.name, self._token, self._step_ns, self._every
-        self.batch = min(self.batch, _HANDED_OVER)
+        self.batch, self.flushed_ns = min(self.batch, _HANDED_OVER), self._now_ns()
         waiting, place = exchange.waiting[name], exchange.places[name]
-        known, words, wake = exchange.known, exchange.words, exchange.wake
+        known, words, let_go_on = exchange.known, exchange.words, exchange.turns.let_go_on
         classes, checked, keep = self._ports.classes, self._ports.encode, self.outputs.append
         most = self._max_bytes - _ENVELOPE_BYTES
         most -= sum(_PORT_BYTES + len(port.encode()) for port in classes)
@@ -265,8 +265,8 @@ class Outbox:
             self.step = step
             keep(outputs)
             known[name] = words[place] = step + every
-            if waiting:
-                wake(waiting)
+            while waiting:
+                let_go_on(waiting.popleft())
 
         self._hand_over = hand_over
         return hand_over
