@@ -48,7 +48,7 @@ class HostedParticipant(Process):
 
     log: where it prints, unless it is `shown`: then where we do. program: what it does, and returns
     an exit code. words, number: the memory of the outside watcher, and which it is there. pid: of
-    this process. late: how it missed a deadline, once it has.
+    this process. late: how it missed a deadline, once it has. greenlet: in which it works.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class HostedParticipant(Process):
         self._output: TextIO = (
             sys.stdout if shown else os.fdopen(append_to(self.log), "a", 1, "utf-8", "replace")
         )
-        self._greenlet = greenlet(self._work)
+        self.greenlet = greenlet(self._work)
         hub.hosted.append(self)
         hub.let_go_on(self)
 
@@ -87,12 +87,12 @@ class HostedParticipant(Process):
     @property
     def is_running(self) -> bool:
         """Return whether its own code has the thread, not what gives it the thread."""
-        return getcurrent() is self._greenlet
+        return getcurrent() is self.greenlet
 
     @property
     def is_over(self) -> bool:
         """Return whether it has come to its end."""
-        return bool(self._greenlet.dead)
+        return bool(self.greenlet.dead)
 
     def take_turn(self, *raised: BaseException) -> None:
         """Work until the next wait, or the end; raised: by its wait, to end it.
@@ -100,25 +100,20 @@ class HostedParticipant(Process):
         Meanwhile, what is printed goes to its log.
         """
         streams = sys.stdout, sys.stderr
-        self._begin()
+        self.begin()
         try:
             if raised:
-                self._greenlet.throw(*raised)
+                self.greenlet.throw(*raised)
             else:
-                self._greenlet.switch()
+                self.greenlet.switch()
         finally:
             # Perhaps another one than this has handed the thread back.
             self._words[TURN] = 0
             sys.stdout, sys.stderr = streams
             self._hub.current = None
 
-    def follow(self) -> None:
-        """Take the thread from another participant, which waits until it gets it again."""
-        self._begin()
-        self._greenlet.switch()
-
-    def _begin(self) -> None:
-        """Note whose turn it is, in all places."""
+    def begin(self) -> None:
+        """Note whose turn it is from now on; `greenlet.switch()` makes it so."""
         words = self._words
         self._hub.current = self
         self.is_ready, self.deadline_s = False, None
@@ -235,7 +230,9 @@ class Hub:
             # The first time-out counts at once, see `_expire`.
             me.deadline_s = self.clock.monotonic() + timeout_s if me.has_expired else 0.0
         if self._ready and not self.has_news:
-            self._ready.popleft().follow()
+            following = self._ready.popleft()
+            following.begin()
+            following.greenlet.switch()
         else:
             self.root.switch()
         return bool(me.has_expired)
