@@ -24,6 +24,7 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import Config, Participant, Step, StepsOver
+from stepbus_participant.user_classes import imported
 from stepbus_schemas import StepbusError, WiringError
 
 from .extensions.debug import Debug
@@ -191,7 +192,8 @@ class Episode(RunExtension):
         def await_answer(step: Step) -> Any:
             """Give the thread to the caller until it answers a step; return the answer.
 
-            The others go first, as far as they can.
+            The others go first, as far as they can. Where all that they execute is stepbus's, it
+            does not matter in which folder.
             """
             while hub.give_turns():
                 pass
@@ -200,7 +202,8 @@ class Episode(RunExtension):
             left = now_s()
             local.leave()
             answer = self._caller.switch()
-            local.enter()
+            if imported:
+                local.enter()
             state.away_s += now_s() - left
             self._is_waiting, words[TURN] = False, turn
             sys.stdout, sys.stderr = streams
