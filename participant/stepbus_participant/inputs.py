@@ -52,7 +52,7 @@ class Input:
         self.fresh = False
         self.pending: deque[tuple[int, Any]] = deque()
         self._delay = config.delay
-        self._every = config.every
+        self._is_bulk = config.bulk
         self._cls = types[config.type]
         self._decoder = Decoder(self._cls)
         self._decode = self._decoder.plain
@@ -88,17 +88,13 @@ class Input:
         Raises PeerFault when it is not of the port's type (P8.2).
         """
         self.fresh = False
-        pending = self.pending
-        if not pending:
-            return
-        # As of `due_step`; a call would take longer than all else.
-        reach = step - self._delay
-        due = reach - reach % self._every
-        while pending and pending[0][0] <= due:
+        # Its steps are multiples of its period, so that those up to here are due (`due_step`).
+        pending, reach = self.pending, step - self._delay
+        while pending and pending[0][0] <= reach:
             source_step, data = pending.popleft()
             self.fresh = True
             try:
-                in_slot = isinstance(data, SlotContent)
+                in_slot = self._is_bulk and isinstance(data, SlotContent)
                 self.value = self._from_slot(data) if in_slot else self._decode(data)
             except SlotError as exc:
                 where = f"{self.config.source}.{self.config.port}"

@@ -21,6 +21,10 @@ PARTICIPANTS = "stepbus.participants"
 """The entry points by which packages declare participants, as a scenario names them."""
 
 
+imported: set[str] = set()
+"""Modules and files that this process has imported for a scenario and that are not stepbus's."""
+
+
 def is_ours(module: str) -> bool:
     """Return whether a name is a module's of stepbus; no file of a scenario replaces one."""
     top = module.partition(".")[0]
@@ -65,6 +69,8 @@ def import_participant(name: str, folder: Path) -> type[Participant]:
 
 def import_source(source: str, folder: Path) -> ModuleType:
     """Import a module, or a file of a folder, in which `sys.path` has it search."""
+    if source.endswith(".py") or not is_ours(source):
+        imported.add(source)
     if not source.endswith(".py"):
         return import_module(source)
     path = (folder / source).absolute()

@@ -3,7 +3,6 @@
 import atexit
 import dataclasses
 import os
-import re
 import signal
 import sys
 import threading
@@ -25,15 +24,13 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import Config, Participant, Step, StepsOver
-from stepbus_participant.user_classes import is_ours
+from stepbus_participant.user_classes import imported
 from stepbus_schemas import StepbusError, WiringError
 
 from .extensions.debug import Debug
 
 Make = Callable[[Config, Callable[[Step], Any]], Participant]
 _END = object()
-_CLASS = re.compile(r"[\w./-]+:[A-Za-z_]\w*")
-"""What parameters name classes by."""
 
 
 class Episode(RunExtension):
@@ -81,10 +78,6 @@ class Episode(RunExtension):
         self._caller = getcurrent()
         self._place = os.getpid(), threading.get_ident()
         self._is_waiting = False
-        others = [spec for spec in scenario.participants if spec.name != name]
-        self._is_ours = all(is_ours(spec.participant) for spec in others) and not _CLASS.search(
-            repr([spec.params for spec in others])
-        )
         self._outcome: Result | BaseException | None = None
 
     @property
@@ -199,8 +192,8 @@ class Episode(RunExtension):
         def await_answer(step: Step) -> Any:
             """Give the thread to the caller until it answers a step; return the answer.
 
-            The others go first, as far as they can. Where all that they execute is ours, it does
-            not matter where it is executed.
+            The others go first, as far as they can. Where all that they execute is stepbus's, it
+            does not matter in which folder.
             """
             while hub.give_turns():
                 pass
@@ -209,7 +202,7 @@ class Episode(RunExtension):
             left = now_s()
             local.leave()
             answer = self._caller.switch()
-            if not self._is_ours:
+            if imported:
                 local.enter()
             state.away_s += now_s() - left
             self._is_waiting, words[TURN] = False, turn

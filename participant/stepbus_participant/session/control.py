@@ -72,7 +72,7 @@ def watched_orders(bus: Bus) -> Queue:
 class Control:
     """The orchestrator's newest orders, and the answers to its calls.
 
-    orders: as of `watched_orders`. wake: queues of a participant that waits for an input. drops:
+    orders: as of `watched_orders`. wake: wake a participant that waits for an input. drops:
     cause → number of dropped messages, of those that are malformed or without the run's token
     (P8.4). step_limit: the first step not yet released. step: which is worked on. stop: how the run
     ends, once that is known. started: once the run has started. calls:
@@ -87,7 +87,7 @@ class Control:
         bus: Bus,
         welcome: Welcome,
         orders: Queue,
-        wake: Iterable[Queue],
+        wake: Iterable[Callable[[Any], object]],
         drops: dict[str, int],
     ) -> None:
         self.step_limit = 0
@@ -111,8 +111,8 @@ class Control:
         """Queue a message, and wake a participant that waits for an input."""
         self._queue.put((key, data))
         if key not in _NOT_URGENT:
-            for queue in self._wake:
-                queue.put(None)
+            for wake in self._wake:
+                wake(None)
 
     def enter(self, step: int) -> None:
         """Start a step; raises Stopped when the run ends before it."""

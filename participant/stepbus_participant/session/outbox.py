@@ -1,6 +1,6 @@
 """What a participant publishes: one `Outputs` per step to its consumers, and logs in batches."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -56,8 +56,7 @@ _ENVELOPE_BYTES, _PORT_BYTES = 300, 20
 _HANDED_OVER = 16
 """Steps of a batch that need not be encoded; the more, the longer lasts the step that records."""
 
-_UNENCODABLE = (TypeError, OverflowError, ValueError, msgspec.MsgspecError)
-_NO_PORT: tuple[type | None, Sequence[Any]] = (None, ())
+_UNENCODABLE = (KeyError, TypeError, OverflowError, ValueError, msgspec.MsgspecError)
 
 BATCH_AGE_NS = 50_000_000
 """Longest time a batch takes to fill (P9.2.2), so that the orchestrator sees slow steps [ns]."""
@@ -162,19 +161,21 @@ class Outbox:
 
     name: of the participant. step: the newest one published. drops: cause → number of dropped
     messages, which logs report. types: with those that do not ship. record_ns: time spent on logs,
-    for a profile [ns].
+    for a profile [ns]. outputs, timing: the log batch, sent at flushed_ns for the last time [ns],
+    and anew after `batch` outputs.
     """
 
     def __init__(
         self, welcome: Welcome, bus: Bus, drops: Mapping[str, int], types: Types = SHIPPED
     ) -> None:
         self.step = HANDSHAKE_STEP
-        self.record_ns = 0
+        self.record_ns = self.flushed_ns = 0
         self._bus = bus
         self._now_ns = bus.clock.monotonic_ns
         # Of every message: what it needs is looked up once.
         self.name, self._token, self._step_ns = welcome.name, welcome.token, welcome.step_ns
-        self._batch, self._max_bytes = welcome.batch, welcome.max_outputs_bytes
+        self.batch, self._max_bytes = welcome.batch, welcome.max_outputs_bytes
+        self._every = welcome.every
         self._drops = drops
         self._ports = OutputPorts(welcome.outputs, types)
         self._put = bus.publisher(f"out/{welcome.name}", encoding_of("Outputs/1"))
@@ -190,11 +191,11 @@ class Outbox:
             if config.bulk
         }
         self._slots: Mapping[str, SlotWriter] = {}
-        self._exchange: Any = None
-        self._outputs: list[Any] = []
+        self._hand_over: Callable[..., None] | None = None
+        self.outputs: list[Any] = []
         self._bytes = 0
         self._age_ns = 0
-        self._timing: list[tuple[int, int, int]] = []
+        self.timing: list[tuple[int, int, int]] = []
 
     def send_handshake(self) -> None:
         """Prove the links to all consumers, before the first step (P4.6)."""
@@ -223,50 +224,52 @@ class Outbox:
             self._most_held = most_held
             self._put_batch = self._bus.publisher(f"out/{self.name}", encoding_of("Batch/1"))
 
-    def join(self, exchange: Any) -> None:
-        """Have the outputs of all steps go to readers in this thread, by `hand_over` only."""
-        self._exchange, name = exchange, self.name
-        self._batch = min(self._batch, _HANDED_OVER)
-        self._readers = exchange.waiting[name]
+    def join(self, exchange: Any) -> Callable[..., None]:
+        """Have the outputs of all steps go to readers in this thread, without a bus between.
+
+        Return what publishes them, as `publish` does. All that it needs is looked up here.
+        """
+        name, token, step_ns, every = self.name, self._token, self._step_ns, self._every
+        self.batch, self.flushed_ns = min(self.batch, _HANDED_OVER), self._now_ns()
+        waiting, place = exchange.waiting[name], exchange.places[name]
+        known, words, let_go_on = exchange.known, exchange.words, exchange.turns.let_go_on
+        classes, checked, keep = self._ports.classes, self._ports.encode, self.outputs.append
         most = self._max_bytes - _ENVELOPE_BYTES
-        classes = self._ports.classes
-        self._most_bytes = most - sum(_PORT_BYTES + len(port.encode()) for port in classes)
-        self._rows = {
-            port: (
-                None if port in self._ports.checks else cls,
-                exchange.readers.get((name, port), ()),
-            )
+        most -= sum(_PORT_BYTES + len(port.encode()) for port in classes)
+        rows = {
+            port: (None if port in self._ports.checks else cls, exchange.readers.get((name, port)))
             for port, cls in classes.items()
         }
 
-    def hand_over(self, step: int, messages: Mapping[str, Message] | None, end: str | None) -> None:
-        """Publish as `publish` does, where no bus lies between."""
-        ports: dict[str, msgspec.Raw] = {}
-        size, rows = 0, self._rows
-        for port, message in messages.items() if messages else ():
-            cls, readers = rows.get(port, _NO_PORT)
-            try:
-                is_plain = type(message) is cls
-                data = encode(message) if is_plain else self._ports.encode(step, port, message)
-            except _UNENCODABLE:
-                # It says which one.
-                data = self._ports.encode(step, port, message)
-            size += len(data)
-            content = ports[port] = msgspec.Raw(data)
-            for pending in readers:
-                pending.append((step, content))
-        outputs = Outputs(
-            token=self._token, step=step, t_ns=step * self._step_ns, ports=ports, end=end
-        )
-        if size > self._most_bytes or end is not None:
-            self._check_size(step, len(encode(outputs)))
-        self.step = step
-        self._outputs.append(outputs)
-        exchange = self._exchange
-        exchange.steps[self.name] = step
-        exchange.words[exchange.places[self.name]] += 1
-        if self._readers:
-            exchange.wake(self.name)
+        def hand_over(step: int, messages: Mapping[str, Message] | None, end: str | None) -> None:
+            ports: dict[str, Any] = {}
+            size = 0
+            if messages:
+                for port, message in messages.items():
+                    try:
+                        cls, readers = rows[port]
+                        is_plain = type(message) is cls
+                        data = encode(message) if is_plain else checked(step, port, message)
+                    except _UNENCODABLE:
+                        # It says which one.
+                        data = checked(step, port, message)
+                    size += len(data)
+                    ports[port] = data
+                    if readers:
+                        for pending in readers:
+                            pending.append((step, data))
+            outputs = Outputs(token=token, step=step, t_ns=step * step_ns, ports=ports, end=end)
+            if size > most or end is not None:
+                raw = {port: msgspec.Raw(data) for port, data in ports.items()}
+                self._check_size(step, len(encode(msgspec.structs.replace(outputs, ports=raw))))
+            self.step = step
+            keep(outputs)
+            known[name] = words[place] = step + every
+            while waiting:
+                let_go_on(waiting.popleft())
+
+        self._hand_over = hand_over
+        return hand_over
 
     def publish(
         self, step: int, messages: Mapping[str, Message] | None, end: str | None = None
@@ -276,8 +279,8 @@ class Outbox:
         end: why the run should end after this step. Raises OutputError when a port or its type is
         not the scenario's, or when the outputs are too large.
         """
-        if self._exchange is not None:
-            self.hand_over(step, messages, end)
+        if self._hand_over is not None:
+            self._hand_over(step, messages, end)
             return
         ports: dict[str, msgspec.Raw] = {}
         bulk: dict[str, int] = {}
@@ -306,7 +309,7 @@ class Outbox:
         self.step = step
         if self._bytes + size > BATCH_BYTES:
             self.flush()
-        self._outputs.append(entry)
+        self.outputs.append(entry)
         self._bytes += size
 
     def _check_size(self, step: int, size: int) -> None:
@@ -346,35 +349,37 @@ class Outbox:
 
     def finish(self, step: int, waited_ns: int, computed_ns: int) -> None:
         """Add the timing of a finished step, and send the batch when it is full or old."""
-        self._timing.append((step, waited_ns, computed_ns))
+        self.timing.append((step, waited_ns, computed_ns))
         self._age_ns += waited_ns + computed_ns
         if self._held:
             self._held_ns += waited_ns + computed_ns
             if len(self._held) >= self._most_held or self._held_ns > HOLD_NS:
                 self.send_held()
-        if len(self._outputs) >= self._batch or self._age_ns > BATCH_AGE_NS:
+        if len(self.outputs) >= self.batch or self._age_ns > BATCH_AGE_NS:
             self.flush()
 
     def flush_full(self) -> None:
         """Send the batch if it is full; one that publishes first does so before it waits."""
-        if len(self._outputs) >= self._batch:
+        if len(self.outputs) >= self.batch:
             self.flush()
 
     def flush(self, waiting: Waiting | None = None) -> None:
         """Send the batch, and report what the participant waits for."""
-        start_ns = self._now_ns()
+        start_ns = self.flushed_ns = self._now_ns()
         # Nothing is logged before it is published.
         self.send_held()
         log = Log(
             name=self.name,
             token=self._token,
-            outputs=self._outputs,
-            timing=self._timing,
+            outputs=self.outputs.copy(),
+            timing=self.timing.copy(),
             waiting=waiting,
             drops=dict(self._drops),
         )
-        self._put_log(encode(log) if self._exchange is None else log)
-        self._outputs, self._timing, self._bytes, self._age_ns = [], [], 0, 0
+        self._put_log(encode(log) if self._hand_over is None else log)
+        self.outputs.clear()
+        self.timing.clear()
+        self._bytes, self._age_ns = 0, 0
         if waiting is None:
             # A batch that is sent during a wait is part of the wait.
             self.record_ns += self._now_ns() - start_ns

@@ -4,6 +4,7 @@ import contextlib
 import sys
 import traceback
 from collections.abc import Callable
+from typing import Any
 
 from stepbus_participant.bus import Bus, BusError, Queue
 from stepbus_participant.bus.slots import Slots
@@ -79,15 +80,14 @@ class Session:
         drops: dict[str, int] = {}
         self._inputs = {name: Input(name, item, types) for name, item in welcome.inputs.items()}
         self._sources = make_sources(self._inputs, welcome.token, bus.queue, drops)
-        wake: list[Queue] = []
+        wake: list[Callable[[Any], object]] = []
         for source in self._sources:
             bus.subscribe_content(f"out/{source.name}", source.queue.put)
             for port, queue in source.bulk_queues.items():
                 bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
-            wake += [source.queue, *source.bulk_queues.values()]
+            wake += [queue.put for queue in (source.queue, *source.bulk_queues.values())]
         if bus.exchange is not None:
-            wake.append(bus.queue())
-            bus.exchange.join(welcome.name, welcome.every, self._inputs, wake[-1])
+            wake.append(bus.exchange.join(welcome.name, self._inputs))
         self._control = Control(bus, welcome, orders, wake, drops)
         self._slots = Slots(ticket.slots, welcome)
         self._outbox = Outbox(welcome, bus, drops, types)

@@ -93,6 +93,7 @@ class StepLoop:
         """Report all steps that are done, and wait until the run ends before the next one."""
         self._outbox.flush(Waiting(step=self.step.index, sources=[]))
         with contextlib.suppress(Stopped):
+            self._control.enter(self.step.index)
             while True:
                 self._control.wait(1.0)
 

@@ -4,10 +4,10 @@ import cProfile
 
 import stepbus
 
-LIMITS = {"two_link": 320}
+LIMITS = {"two_link": 285}
 """Calls a step over the orchestrator and all participants, of Python's and of C's functions.
 
-Python 3.11 makes 263, 273 with MuJoCo; 3.12 about 4 % more, a busy machine up to 300. Where more
+Python 3.11 makes 233, 244 with MuJoCo; 3.12 about 4 % more, a busy machine up to 270. Where more
 have come, each step is dearer: see which (`python -m cProfile`) before you raise the limit.
 """
 

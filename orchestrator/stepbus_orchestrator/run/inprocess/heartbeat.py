@@ -38,8 +38,8 @@ participant), and how many turns there were; what counts while Python's lock is 
 long the participant has had the thread that is to be interrupted [s]; whether the user wants the
 run to end."""
 PUBLISHED = MOST
-"""Where the numbers of the participants begin, which count from 1: how many steps each has
-published."""
+"""Where the numbers of the participants begin, which count from 1: the first step whose outputs
+each has not published."""
 
 TRACE_SIGNAL = signal.SIGURG
 """Ignored by default, so that one too many does no harm."""
@@ -98,7 +98,7 @@ class Heartbeat:
     def begin(self, will: dict[str, Any]) -> None:
         """Begin a run; will: what is to be known where the process ends in the midst, if it fits.
 
-        names, every, limits, files: of each participant. limits: how long it may keep the thread in
+        names, limits, files: of each participant. limits: how long it may keep the thread in
         each stage of a run [s].
         """
         self.words[:] = memoryview(bytes(_WORDS_BYTES)).cast("d")

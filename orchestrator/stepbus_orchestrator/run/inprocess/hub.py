@@ -48,7 +48,7 @@ class HostedParticipant(Process):
 
     log: where it prints, unless it is `shown`: then where we do. program: what it does, and returns
     an exit code. words, number: the memory of the outside watcher, and which it is there. pid: of
-    this process. late: how it missed a deadline, once it has.
+    this process. late: how it missed a deadline, once it has. greenlet: in which it works.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class HostedParticipant(Process):
         self._output: TextIO = (
             sys.stdout if shown else os.fdopen(append_to(self.log), "a", 1, "utf-8", "replace")
         )
-        self._greenlet = greenlet(self._work)
+        self.greenlet = greenlet(self._work)
         hub.hosted.append(self)
         hub.let_go_on(self)
 
@@ -87,33 +87,39 @@ class HostedParticipant(Process):
     @property
     def is_running(self) -> bool:
         """Return whether its own code has the thread, not what gives it the thread."""
-        return getcurrent() is self._greenlet
+        return getcurrent() is self.greenlet
 
     @property
     def is_over(self) -> bool:
         """Return whether it has come to its end."""
-        return bool(self._greenlet.dead)
+        return bool(self.greenlet.dead)
 
     def take_turn(self, *raised: BaseException) -> None:
         """Work until the next wait, or the end; raised: by its wait, to end it.
 
         Meanwhile, what is printed goes to its log.
         """
-        hub, words, streams = self._hub, self._words, (sys.stdout, sys.stderr)
-        hub.current = self
+        streams = sys.stdout, sys.stderr
+        self.begin()
+        try:
+            if raised:
+                self.greenlet.throw(*raised)
+            else:
+                self.greenlet.switch()
+        finally:
+            # Perhaps another one than this has handed the thread back.
+            self._words[TURN] = 0
+            sys.stdout, sys.stderr = streams
+            self._hub.current = None
+
+    def begin(self) -> None:
+        """Note whose turn it is from now on; `greenlet.switch()` makes it so."""
+        words = self._words
+        self._hub.current = self
         self.is_ready, self.deadline_s = False, None
         sys.stdout = sys.stderr = self._output
         words[TURN] = self._number
         words[TURNS] += 1
-        try:
-            if raised:
-                self._greenlet.throw(*raised)
-            else:
-                self._greenlet.switch()
-        finally:
-            words[TURN] = 0
-            sys.stdout, sys.stderr = streams
-            hub.current = None
 
     def _work(self) -> None:
         """Run the program to its end, and keep its exit code as its process would."""
@@ -200,6 +206,7 @@ class Hub:
 
     def let_go_on(self, hosted: HostedParticipant) -> None:
         """Give a participant its turn after all that have one already."""
+        hosted.has_expired = False
         if not hosted.is_ready:
             hosted.is_ready = True
             self._ready.append(hosted)
@@ -210,8 +217,25 @@ class Hub:
         if me is None or not (self._ready or self.has_news):
             return False
         self.let_go_on(me)
-        self.root.switch()
+        self.pause(None)
         return True
+
+    def pause(self, timeout_s: float | None) -> bool:
+        """Give the thread of a participant to the next one, or to the root if it has news.
+
+        Return whether the participant gets it back because the time [s] is over.
+        """
+        me: Any = self.current
+        if timeout_s is not None:
+            # The first time-out counts at once, see `_expire`.
+            me.deadline_s = self.clock.monotonic() + timeout_s if me.has_expired else 0.0
+        if self._ready and not self.has_news:
+            following = self._ready.popleft()
+            following.begin()
+            following.greenlet.switch()
+        else:
+            self.root.switch()
+        return bool(me.has_expired)
 
     def queue(self) -> HubQueue:
         """Return a queue whose readers take turns."""
@@ -254,9 +278,9 @@ class Hub:
         """
         now = self.clock.monotonic()
         for one in self.hosted:
-            if one.deadline_s is not None and (not one.has_expired or now >= one.deadline_s):
-                one.has_expired = True
+            if one.deadline_s is not None and now >= one.deadline_s:
                 self.let_go_on(one)
+                one.has_expired = True
         return bool(self._ready)
 
 
@@ -276,7 +300,6 @@ class HubQueue:
             self._hub.has_news = True
         else:
             self._reader = None
-            reader.has_expired = False
             self._hub.let_go_on(reader)
 
     def get(self, block: bool = True, timeout: float | None = None) -> Any:
@@ -287,11 +310,9 @@ class HubQueue:
             if reader is None:
                 hub.rest(timeout, lambda: bool(items))
             else:
-                if timeout is not None:
-                    reader.deadline_s = hub.clock.monotonic() + timeout
                 try:
                     # This queue, or the time-out, gives it its next turn.
-                    hub.root.switch()
+                    hub.pause(timeout)
                 finally:
                     self._reader = None
         if not items:

@@ -168,7 +168,6 @@ class LocalRun(Strategy):
             {
                 "result": run.result().decode(),
                 "names": [spec.name for spec in specs],
-                "every": [spec.every for spec in specs],
                 "limits": [[d.spawn_s + d.join_s + d.ready_s, d.step_s, d.stop_s] for d in limits],
                 "files": [str(scenario.folder / s.participant.rpartition(":")[0]) for s in specs],
                 "logs": str(self.logs),
@@ -178,7 +177,7 @@ class LocalRun(Strategy):
         self.state = run.state
         options = {spec.name: run.start_options(spec) for spec in specs}
         if not self._is_star and _can_exchange(scenario, options.values()):
-            self.bus.exchange = Exchange(self.memory.words, self._places)
+            self.bus.exchange = Exchange(self.hub, self.memory.words, self._places)
         for spec in specs:
             hosted = self._host(spec, scenario, options[spec.name])
             run.started(ParticipantState(spec, hosted))
@@ -200,7 +199,7 @@ class LocalRun(Strategy):
         number = min(1 + scenario.participants.index(spec), MOST - 1)
         self._places[spec.name] = PUBLISHED + number
         program = partial(main, make) if make else partial(_take_part, spec, scenario.folder)
-        count = partial(count_steps, self.memory.words, PUBLISHED + number)
+        count = partial(count_steps, self.memory.words, PUBLISHED + number, spec.every)
         self.bus.subscribe_content(f"out/{spec.name}", count)
         try:
             return HostedParticipant(
@@ -234,9 +233,9 @@ def _can_exchange(scenario: Scenario, options: Iterable[Mapping[str, Any]]) -> b
     )
 
 
-def count_steps(words: "memoryview[float]", place: int, data: bytes) -> None:
+def count_steps(words: "memoryview[float]", place: int, every: int, data: bytes) -> None:
     """Count the steps that a participant publishes, for the outside watcher."""
-    words[place] += len(_decode_batch(data).outputs) if data[0] == _BATCH else 1
+    words[place] += every * (len(_decode_batch(data).outputs) if data[0] == _BATCH else 1)
 
 
 def _take_part(spec: ParticipantSpec, folder: Path) -> int:

@@ -91,7 +91,7 @@ class _End:
         self.name = will["names"][number - 1] if number else None
         self.step = -1
         if number and heartbeat.stage is not Stage.READY:
-            self.step = int(heartbeat.words[PUBLISHED + number]) * will["every"][number - 1]
+            self.step = int(heartbeat.words[PUBLISHED + number])
 
     @cached_property
     def _number(self) -> int:

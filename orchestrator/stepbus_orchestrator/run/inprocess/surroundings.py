@@ -45,6 +45,8 @@ class Surroundings:
             self._inside = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
             stack.callback(os.close, self._inside)
             stack.enter_context(_native_prints(native_log))
+            sys.meta_path.insert(sys.meta_path.index(PathFinder), self)
+            stack.callback(sys.meta_path.remove, self)
             self.enter()
             stack.callback(self.leave)
             yield
@@ -56,24 +58,23 @@ class Surroundings:
         # The working directory may have no name any more.
         self._outside = os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
         os.fchdir(self._inside)
-        self._path_outside, sys.path[:] = list(sys.path), self._path_inside
+        self._path_outside, sys.path[:] = sys.path[:], self._path_inside
         for name, own in self._own.items():
             other = sys.modules.pop(name, None)
             if other is not None:
                 self._others[name] = other
             if own is not None:
                 sys.modules[name] = own
-        sys.meta_path.insert(sys.meta_path.index(PathFinder), self)
 
     def leave(self) -> None:
         """Put back what was there before; harmless when repeated."""
         if self._outside < 0:
             return
-        sys.meta_path.remove(self)
-        self._path_inside, sys.path[:] = list(sys.path), self._path_outside
-        self._own = {name: sys.modules.pop(name, None) for name in self._own}
-        sys.modules.update(self._others)
-        self._others = {}
+        self._path_inside, sys.path[:] = sys.path[:], self._path_outside
+        if self._own:
+            self._own = {name: sys.modules.pop(name, None) for name in self._own}
+            sys.modules.update(self._others)
+            self._others = {}
         os.fchdir(self._outside)
         os.close(self._outside)
         self._outside = -1
@@ -82,6 +83,8 @@ class Surroundings:
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """Find a module as `PathFinder` does, and note it if it is of the folder."""
+        if self._outside < 0:
+            return None
         spec = PathFinder.find_spec(name, path, target)
         origin = "" if spec is None else spec.origin or ""
         if not origin.startswith(self._folder + os.sep) or "site-packages" in origin:

@@ -274,12 +274,9 @@ class MessageHandler:
     def _add_timing(self, log: Log | _WholeLog) -> None:
         self._timing.steps(log.name, log.timing)
         total, count = self._state.compute.get(log.name, (0, 0))
-        waiting = self._state.waited.get(log.name, 0)
-        for _, waited, computed in log.timing:
-            total += computed
-            waiting += waited
-        self._state.waited[log.name] = waiting
-        self._state.compute[log.name] = (total, count + len(log.timing))
+        _, waited, computed = map(sum, zip(*log.timing, strict=True))
+        self._state.waited[log.name] = self._state.waited.get(log.name, 0) + waited
+        self._state.compute[log.name] = (total + computed, count + len(log.timing))
 
     def take_bulk(self, name: str, port: str, stamp: bytes, data: bytes) -> None:
         """Take bulk content; stamp: step and token, from its attachment (P7.5, P8.3)."""
