@@ -212,7 +212,7 @@ class Recorder(Sink):
                 for port, (channel, decode, on_event, key) in self._ports[name].items():
                     if port not in plain:
                         continue
-                    data = bytes(plain[port])
+                    data = plain[port]
                     message = decode(data)
                     messages.append((channel, data))
                     parts += (key, data)

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import os
 import threading
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
@@ -129,7 +130,9 @@ class _Execution:
         self._recorder: Recorder | _NoRecorder = _NoRecorder(order, self._events)
         timing = None
         if options.is_recorded:
-            self._file = McapFile(self._out / layout.RUN_FILE, host.disk)
+            # A simulated disk knows no threads.
+            path, is_real = self._out / layout.RUN_FILE, host.disk is os
+            self._file = McapFile(path, host.disk, in_background=is_real)
             self._recorder = Recorder(
                 self._file, order, scenario.step_ns, self._events.take, scenario.types
             )
