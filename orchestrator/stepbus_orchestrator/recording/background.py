@@ -26,7 +26,7 @@ class Background:
         """Start a call, once the one before is over."""
         self.wait()
         if self._has_thread and self._thread is None:
-            # Not before it is needed: no thread survives a fork, and short runs fill no chunk.
+            # Not before it is needed: no thread survives a fork.
             self._begin()
         if self._thread is None:
             call()

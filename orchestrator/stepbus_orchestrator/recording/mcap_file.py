@@ -272,7 +272,11 @@ class McapFile:
         chunk = self._chunk
         if chunk.indexes:
             self._chunk = _Chunk()
-            self._background.start(partial(self._write_chunk, chunk))
+            if self._summary.chunk_index_bytes:
+                self._background.start(partial(self._write_chunk, chunk))
+            else:
+                # A short run is over before a thread would pay.
+                self._write_chunk(chunk)
 
     def _write_chunk(self, chunk: _Chunk) -> None:
         """Write a chunk and its message indexes at once; raises OSError and MemoryError."""
