@@ -4,6 +4,7 @@ import contextlib
 import errno
 import json
 import os
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -36,19 +37,21 @@ _USUAL, _FAST = 3, -1
 """Levels of compression; that of large messages gives up soon where nothing is to be gained."""
 _WORTH_IT = 0.9
 """What is not compressed to so much of its size is stored as it is: readers are spared the work."""
+_ENTRY = Struct("<QQ")  # log time, offset in the chunk
 _INDEX = Struct("<BQHI")  # opcode, length, channel, length of the entries
 
 
 class _Chunk:
     """The chunk that is being filled, of whole steps; that of mcap takes four calls a message.
 
-    records: what it holds, in order. indexes: channel → log time and offset of each of its
-    messages, one after the other. is_big: whether it has a message of more than `_BIG_BYTES`.
+    records: what it holds, in order. indexes: channel → the entries of its messages in the index.
+    times: log times of its messages. is_big: whether it has a message of more than `_BIG_BYTES`.
     """
 
     def __init__(self) -> None:
         self.records = bytearray()
-        self.indexes: dict[int, list[int]] = {}
+        self.indexes: defaultdict[int, bytearray] = defaultdict(bytearray)
+        self.times: list[int] = []
         self.is_big = False
 
 
@@ -174,9 +177,10 @@ class McapFile:
                     self._end_chunk()
                 self._step = (t_ns, sequence)
             chunk = self._chunk
+            chunk.times.append(t_ns)
             records, indexes, pack = chunk.records, chunk.indexes, _MESSAGE.pack
             for channel, data in messages:
-                indexes.setdefault(channel, []).extend((t_ns, len(records)))
+                indexes[channel] += _ENTRY.pack(t_ns, len(records))
                 size = _FIELDS_BYTES + len(data)
                 records += pack(_OPCODE, size, channel, sequence, t_ns, t_ns)
                 records += data
@@ -313,17 +317,15 @@ def _encode_chunk(chunk: _Chunk, start: int) -> tuple[bytes, mcap.ChunkIndex]:
     packed, compression = _compressed(content, _FAST if chunk.is_big else _USUAL), "zstd"
     if chunk.is_big and len(packed) > _WORTH_IT * len(content):
         packed, compression = content, ""
-    times = [t_ns for entries in chunk.indexes.values() for t_ns in entries[::2]]
-    earliest, latest = min(times), max(times)
+    earliest, latest = min(chunk.times), max(chunk.times)
     record = bytes_of(
         mcap.Chunk(compression, packed, latest, earliest, crc32(content), len(content))
     )
     indexes, offsets = bytearray(), {}
     for channel, entries in chunk.indexes.items():
         offsets[channel] = start + len(record) + len(indexes)
-        numbers = Struct(f"<{len(entries)}Q").pack(*entries)
-        indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers))
-        indexes += numbers
+        indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(entries) + 6, channel, len(entries))
+        indexes += entries
     row = mcap.ChunkIndex(
         chunk_length=len(record),
         chunk_start_offset=start,
