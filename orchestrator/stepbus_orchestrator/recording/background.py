@@ -10,7 +10,7 @@ from threading import Event, Thread
 class Background:
     """Makes one call after the other on a thread, which starts with the first and ends with `end`.
 
-    `start` and `wait` raise what the call before has raised. has_thread: if not, the caller's
+    `start` and `settle` raise what the call before has raised. has_thread: if not, the caller's
     thread makes the calls.
     """
 
@@ -24,7 +24,7 @@ class Background:
 
     def start(self, call: Callable[[], None]) -> None:
         """Start a call, once the one before is over."""
-        self.wait()
+        self.settle()
         if self._has_thread and self._thread is None:
             # Not before it is needed: no thread survives a fork.
             self._begin()
@@ -34,7 +34,7 @@ class Background:
             self._is_idle.clear()
             self._calls.put(call)
 
-    def wait(self) -> None:
+    def settle(self) -> None:
         """Wait until no call is in progress."""
         if self._thread is not None:
             self._is_idle.wait()  # no time-out: a write on the caller's thread takes as long
@@ -46,7 +46,7 @@ class Background:
         """End the thread after the call in progress; harmless when repeated."""
         if self._thread is not None:
             self._calls.put(None)
-            self._thread.join()  # no time-out: as in `wait`
+            self._thread.join()  # no time-out: as in `settle`
             self._thread = None
 
     def _begin(self) -> None:
@@ -62,6 +62,6 @@ class Background:
                 try:
                     call()
                 finally:
-                    # For `wait`.
+                    # For `settle`.
                     self._error = sys.exc_info()[1]
                     self._is_idle.set()

@@ -199,7 +199,7 @@ class McapFile:
         if self._refusal is not None:
             return
         try:
-            self._background.wait()
+            self._background.settle()
             chunk, offset = self._chunk, self._file.position
             if not chunk.indexes:
                 return
@@ -224,7 +224,7 @@ class McapFile:
             return
         self.closed = True
         try:
-            self._background.wait()
+            self._background.settle()
         except _FAILURES as exc:
             self.refuse(exc)
         failure = self._refusal
@@ -296,7 +296,7 @@ class McapFile:
         if self._refusal is not None:
             raise self._refusal
         try:
-            self._background.wait()
+            self._background.settle()
             yield
         except _FAILURES as exc:
             raise self.refuse(exc) from exc

@@ -94,8 +94,8 @@ def test_what_a_call_raises_is_raised_once_by_the_next():
         background.start(lambda: None)
     background.start(lambda: {}[1])
     with pytest.raises(KeyError):
-        background.wait()
-    background.wait()
+        background.settle()
+    background.settle()
     background.end()
     background.end()
 
