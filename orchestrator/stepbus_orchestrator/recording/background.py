@@ -3,8 +3,8 @@
 import contextlib
 import sys
 from collections.abc import Callable
-from queue import SimpleQueue
-from threading import Event, Thread
+from queue import Queue
+from threading import Thread
 
 
 class Background:
@@ -17,27 +17,26 @@ class Background:
     def __init__(self, *, has_thread: bool) -> None:
         self._has_thread = has_thread
         self._thread: Thread | None = None
-        self._calls: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
-        self._is_idle = Event()
-        self._is_idle.set()
+        self._calls: Queue[Callable[[], None] | None] = Queue()
         self._error: BaseException | None = None
 
     def start(self, call: Callable[[], None]) -> None:
         """Start a call, once the one before is over."""
         self.settle()
-        if self._has_thread and self._thread is None:
-            # Not before it is needed: no thread survives a fork.
-            self._begin()
-        if self._thread is None:
+        if not self._has_thread:
             call()
-        else:
-            self._is_idle.clear()
-            self._calls.put(call)
+            return
+        if self._thread is None:
+            # Not before it is needed: no thread survives a fork.
+            thread = Thread(target=self._work, name="recording", daemon=True)
+            thread.start()
+            self._thread = thread
+        self._calls.put(call)
 
     def settle(self) -> None:
         """Wait until no call is in progress."""
         if self._thread is not None:
-            self._is_idle.wait()  # no time-out: a write on the caller's thread takes as long
+            self._calls.join()  # no time-out: a write on the caller's thread takes as long
         error, self._error = self._error, None
         if error is not None:
             raise error
@@ -49,13 +48,6 @@ class Background:
             self._thread.join()  # no time-out: as in `settle`
             self._thread = None
 
-    def _begin(self) -> None:
-        thread = Thread(target=self._work, name="recording", daemon=True)
-        # Where the machine allows no more threads, the caller's does the work.
-        with contextlib.suppress(RuntimeError):
-            thread.start()
-            self._thread = thread
-
     def _work(self) -> None:
         while call := self._calls.get():  # no time-out: `end` ends it, or the process
             with contextlib.suppress(BaseException):
@@ -64,4 +56,4 @@ class Background:
                 finally:
                     # For `settle`.
                     self._error = sys.exc_info()[1]
-                    self._is_idle.set()
+                    self._calls.task_done()

@@ -275,12 +275,12 @@ class McapFile:
         """Begin a new chunk; raises OSError and MemoryError of the one before."""
         chunk = self._chunk
         if chunk.indexes:
-            self._chunk = _Chunk()
             if self._summary.chunk_index_bytes:
                 self._background.start(partial(self._write_chunk, chunk))
             else:
                 # A short run is over before a thread would pay.
                 self._write_chunk(chunk)
+            self._chunk = _Chunk()
 
     def _write_chunk(self, chunk: _Chunk) -> None:
         """Write a chunk and its message indexes at once; raises OSError and MemoryError."""

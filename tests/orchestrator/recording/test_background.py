@@ -98,12 +98,3 @@ def test_what_a_call_raises_is_raised_once_by_the_next():
     background.settle()
     background.end()
     background.end()
-
-
-def test_a_machine_that_allows_no_more_threads_writes_the_same_bytes(tmp_path, monkeypatch):
-    def refuse(_thread):
-        raise RuntimeError("can't start new thread")
-
-    usual = fill(tmp_path / "usual.mcap", in_background=False)
-    monkeypatch.setattr(threading.Thread, "start", refuse)
-    assert fill(tmp_path / "a.mcap", in_background=True) == usual
