@@ -4,7 +4,9 @@ import contextlib
 import errno
 import json
 import os
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from struct import Struct
 from typing import Any
@@ -16,6 +18,7 @@ from mcap.opcode import Opcode
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.background import Background
 from stepbus_orchestrator.recording.locked_file import LockedFile
 from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END, bytes_of
 from stepbus_orchestrator.recording.summary import Summary
@@ -25,6 +28,7 @@ from stepbus_schemas import json_schema, reached
 _FAILURES = (OSError, MemoryError)
 """What a write that failed raises."""
 _MESSAGE = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+_OPCODE = int(Opcode.MESSAGE)
 _FIELDS_BYTES = _MESSAGE.size - HEAD.size
 _STEP_END = HEAD.pack(STEP_END, 0)
 _BIG_BYTES = 64 * 1024
@@ -33,19 +37,21 @@ _USUAL, _FAST = 3, -1
 """Levels of compression; that of large messages gives up soon where nothing is to be gained."""
 _WORTH_IT = 0.9
 """What is not compressed to so much of its size is stored as it is: readers are spared the work."""
+_ENTRY = Struct("<QQ")  # log time, offset in the chunk
 _INDEX = Struct("<BQHI")  # opcode, length, channel, length of the entries
 
 
 class _Chunk:
     """The chunk that is being filled, of whole steps; that of mcap takes four calls a message.
 
-    records: what it holds, in order. indexes: channel → log time and offset of each of its
-    messages, one after the other. is_big: whether it has a message of more than `_BIG_BYTES`.
+    records: what it holds, in order. indexes: channel → the entries of its messages in the index.
+    times: log times of its messages. is_big: whether it has a message of more than `_BIG_BYTES`.
     """
 
     def __init__(self) -> None:
         self.records = bytearray()
-        self.indexes: dict[int, list[int]] = {}
+        self.indexes: defaultdict[int, bytearray] = defaultdict(bytearray)
+        self.times: list[int] = []
         self.is_big = False
 
 
@@ -57,7 +63,8 @@ class McapFile:
     All methods but `flush` raise RecordingFailed when the file cannot be written or is closed.
     After the first failed write nothing but the index is appended: a recording has no hole.
 
-    library, profile: of its header. written_as: the name of the file until it gets its own.
+    in_background: whether a thread compresses and writes the chunks; later calls raise what fails
+    there. library, profile: of its header. written_as: the name of the file until it gets its own.
     closed: whether the file is complete; nothing can be added to it then.
     """
 
@@ -68,12 +75,14 @@ class McapFile:
         path: Path,
         disk: Disk = os,
         *,
+        in_background: bool = False,
         library: str = layout.LIBRARY,
         profile: str = layout.PROFILE,
         written_as: Path | None = None,
     ) -> None:
         self.path = path
         self.closed = False
+        self._background = Background(has_thread=in_background)
         self._crc = 0
         self._summary = Summary()
         self._schemas: dict[str, int] = {}
@@ -168,13 +177,15 @@ class McapFile:
                     self._end_chunk()
                 self._step = (t_ns, sequence)
             chunk = self._chunk
+            chunk.times.append(t_ns)
+            records, indexes, pack = chunk.records, chunk.indexes, _MESSAGE.pack
             for channel, data in messages:
-                chunk.indexes.setdefault(channel, []).extend((t_ns, len(chunk.records)))
+                indexes[channel] += _ENTRY.pack(t_ns, len(records))
                 size = _FIELDS_BYTES + len(data)
-                head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, t_ns, t_ns)
-                chunk.records += head
-                chunk.records += data
-                chunk.is_big = chunk.is_big or size > _BIG_BYTES
+                records += pack(_OPCODE, size, channel, sequence, t_ns, t_ns)
+                records += data
+                if size > _BIG_BYTES:
+                    chunk.is_big = True
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
 
@@ -188,6 +199,7 @@ class McapFile:
         if self._refusal is not None:
             return
         try:
+            self._background.settle()
             chunk, offset = self._chunk, self._file.position
             if not chunk.indexes:
                 return
@@ -211,6 +223,10 @@ class McapFile:
         if self.closed:
             return
         self.closed = True
+        try:
+            self._background.settle()
+        except _FAILURES as exc:
+            self.refuse(exc)
         failure = self._refusal
         self._file.release()
         try:
@@ -220,6 +236,7 @@ class McapFile:
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
         finally:
+            self._background.end()
             self._file.close()
             closed = f"the recording {self.path} is closed; nothing can be added to it"
             self._refusal = failure or RecordingFailed(closed)
@@ -228,7 +245,8 @@ class McapFile:
 
     def _finish(self, incomplete: Mapping[str, str] | None) -> None:
         """Write the last chunk, a last record and the index."""
-        self._end_chunk()
+        if self._chunk.indexes:
+            self._write_chunk(self._chunk)
         if incomplete is not None:
             self.add_metadata(layout.INCOMPLETE_METADATA, incomplete)
         self._write(bytes_of(mcap.DataEnd(self._crc)))
@@ -254,14 +272,22 @@ class McapFile:
         self._crc = crc32(data, self._crc)
 
     def _end_chunk(self) -> None:
-        """Write the chunk and its message indexes at once; raises OSError and MemoryError."""
+        """Begin a new chunk; raises OSError and MemoryError of the one before."""
         chunk = self._chunk
         if chunk.indexes:
-            self._file.keep_room(self._summary.chunk_index_bytes)
-            data, row = _encode_chunk(chunk, self._file.position)
+            if self._summary.chunk_index_bytes:
+                self._background.start(partial(self._write_chunk, chunk))
+            else:
+                # A short run is over before a thread would pay.
+                self._write_chunk(chunk)
             self._chunk = _Chunk()
-            self._write(data)
-            self._summary.add_chunk(chunk.indexes, row)
+
+    def _write_chunk(self, chunk: _Chunk) -> None:
+        """Write a chunk and its message indexes at once; raises OSError and MemoryError."""
+        self._file.keep_room(self._summary.chunk_index_bytes)
+        data, row = _encode_chunk(chunk, self._file.position)
+        self._write(data)
+        self._summary.add_chunk(chunk.indexes, row)
 
     # --- failures -------------------------------------------------------------------------
 
@@ -270,6 +296,7 @@ class McapFile:
         if self._refusal is not None:
             raise self._refusal
         try:
+            self._background.settle()
             yield
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
@@ -290,17 +317,15 @@ def _encode_chunk(chunk: _Chunk, start: int) -> tuple[bytes, mcap.ChunkIndex]:
     packed, compression = _compressed(content, _FAST if chunk.is_big else _USUAL), "zstd"
     if chunk.is_big and len(packed) > _WORTH_IT * len(content):
         packed, compression = content, ""
-    times = [t_ns for entries in chunk.indexes.values() for t_ns in entries[::2]]
-    earliest, latest = min(times), max(times)
+    earliest, latest = min(chunk.times), max(chunk.times)
     record = bytes_of(
         mcap.Chunk(compression, packed, latest, earliest, crc32(content), len(content))
     )
     indexes, offsets = bytearray(), {}
     for channel, entries in chunk.indexes.items():
         offsets[channel] = start + len(record) + len(indexes)
-        numbers = Struct(f"<{len(entries)}Q").pack(*entries)
-        indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers))
-        indexes += numbers
+        indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(entries) + 6, channel, len(entries))
+        indexes += entries
     row = mcap.ChunkIndex(
         chunk_length=len(record),
         chunk_start_offset=start,
@@ -341,7 +366,7 @@ def _failure(path: Path, exc: OSError | MemoryError) -> RecordingFailed:
 
 
 @contextlib.contextmanager
-def whole_file(path: Path, disk: Disk = os, **header: str) -> Iterator[McapFile]:
+def whole_file(path: Path, disk: Disk = os, **header: Any) -> Iterator[McapFile]:
     """Yield a file that replaces `path` at the end, if nothing has failed; else nothing is left.
 
     header: as of `McapFile`. Raises RecordingFailed when it cannot be written.

@@ -41,6 +41,14 @@ class _Port(NamedTuple):
     key: bytes
 
 
+class _Source(NamedTuple):
+    """A participant: its hash chain, every how many steps it publishes, and its ports by name."""
+
+    chain: HashChain
+    every: int
+    ports: dict[str, _Port]
+
+
 class Recorder(Sink):
     """Writes the outputs of a run, and the hash chains.
 
@@ -68,8 +76,7 @@ class Recorder(Sink):
         self._step_ns = step_ns
         self._on_event = on_event
         self._versions = versions
-        self._chains = {spec.name: HashChain() for spec in order}
-        self._ports: dict[str, dict[str, _Port]] = {spec.name: {} for spec in order}
+        self._sources = {spec.name: _Source(HashChain(), spec.every, {}) for spec in order}
         self._silent = {
             (spec.name, port)
             for spec in order
@@ -77,7 +84,6 @@ class Recorder(Sink):
             if port not in self._partly.get(spec.name, ())
         }
         self._missing = dict.fromkeys(self._specs, 0)
-        self._every = {spec.name: spec.every for spec in order}
         self._chain_channel: int | None = None
         self._last_chain = b""
         self._calls_channel: int | None = None
@@ -112,7 +118,7 @@ class Recorder(Sink):
                 cls = self._types[output.type]
                 on_event = self._on_event if issubclass(cls, Event) else None
                 checked = viewing(cls) if output.bulk and on_event is None else cls
-                self._ports[name][port] = _Port(
+                self._sources[name].ports[port] = _Port(
                     channel, Decoder(checked).plain, on_event, port.encode()
                 )
         self._chain_channel = self._file.add_channel(layout.CHAIN_TOPIC, layout.CHAIN_TYPE, {})
@@ -190,7 +196,7 @@ class Recorder(Sink):
                 self._add(messages, step * self._step_ns, step)
             is_due = is_last or closing is not None or layout.has_chain(step)
             if is_due and self._chain_channel is not None:
-                hashes = {name: chain.value.hex() for name, chain in self._chains.items()}
+                hashes = {name: source.chain.value.hex() for name, source in self._sources.items()}
                 self._last_chain = encode(Chain(step=step, hashes=hashes))
                 self._add([(self._chain_channel, self._last_chain)], step * self._step_ns, step)
         except MemoryError as exc:
@@ -199,20 +205,21 @@ class Recorder(Sink):
 
     def _collect_all(self, step: int, messages: list[tuple[int, bytes]]) -> None:
         """Check what all have published at a step, and append it; called for every step."""
-        silent, step_bytes = self._silent, step_key(step)
+        silent, sources, step_bytes = self._silent, self._sources, step_key(step)
         for name, own in self._waiting.items():
             if not own or own[0].step != step:
                 continue
-            outputs, chain, known = own.popleft(), self._chains[name], len(messages)
+            outputs, known = own.popleft(), len(messages)
             if outputs.bulk or name in self._partly or name in self._broken:
                 self._collect(self._published(name, outputs), messages)
                 continue
+            chain, every, ports = sources[name]
             parts, plain, events = [chain.value, step_bytes], outputs.ports, []
             try:
-                for port, (channel, decode, on_event, key) in self._ports[name].items():
+                for port, (channel, decode, on_event, key) in ports.items():
                     if port not in plain:
                         continue
-                    data = bytes(plain[port])
+                    data = plain[port]
                     message = decode(data)
                     messages.append((channel, data))
                     parts += (key, data)
@@ -226,14 +233,15 @@ class Recorder(Sink):
                 self._collect(self._published(name, outputs), messages)
                 continue
             chain.value = summed(parts)
-            self._missing[name] = step + self._every[name]
+            self._missing[name] = step + every
             for on_event, port, message in events:
                 on_event(name, port, step, message)
 
     def _collect(self, published: Published, messages: list[tuple[int, bytes]]) -> None:
         """Check what one participant has published, and append it as (channel, content)."""
         name, step, content = published.participant, published.step, published.content
-        ports, silent = self._ports[name], self._silent
+        chain, every, ports = self._sources[name]
+        silent = self._silent
         fault, cause, number = published.fault, None, 0
         try:
             for port, data in content:
@@ -254,9 +262,9 @@ class Recorder(Sink):
             fault = ParticipantFault(text, participant=name, step=step)
         finally:
             valid = content if number == len(content) else content[:number]
-            self._chains[name].extend(step, valid)
+            chain.extend(step, valid)
         if fault is None:
-            self._missing[name] = step + self._every[name]
+            self._missing[name] = step + every
         elif not self._is_aborting:
             # A second broken message must not hide the first, which ended the run.
             raise fault from cause

@@ -66,6 +66,7 @@ class Sink:
         self._waiting: dict[str, deque[Outputs]] = {name: deque() for name in ports}
         self._bulk: dict[tuple[str, int, str], bytes] = {}
         self._broken: set[str] = set()
+        self._announces_bulk = False
         self._next = 0
 
     # --- what arrives ---------------------------------------------------------------------
@@ -73,6 +74,8 @@ class Sink:
     def offer(self, name: str, outputs: Outputs) -> None:
         """Keep the outputs of one participant, which come in the order of their steps."""
         self._waiting[name].append(outputs)
+        if outputs.bulk:
+            self._announces_bulk = True
 
     def offer_all(self, name: str, batch: Iterable[Outputs]) -> None:
         """Keep several outputs of one participant."""
@@ -146,15 +149,13 @@ class Sink:
 
     def write_below(self, step: int) -> None:
         """Write all steps below `step`, up to the first that lacks bulk content."""
-        waiting = list(self._waiting.items())
-        while self._next < step:
-            for name, own in waiting:
-                head = own[0] if own else None
-                is_due = head and head.bulk and head.step == self._next
-                if head and is_due and not self._has_bulk(name, head):
-                    return
+        while self._next < step and not (self._announces_bulk and self._lacks_bulk(self._next)):
             self.write_step(self._next)
             self._next += 1
+
+    def _lacks_bulk(self, step: int) -> bool:
+        heads = [(name, own[0]) for name, own in self._waiting.items() if own]
+        return any(head.step == step and not self._has_bulk(name, head) for name, head in heads)
 
     def finish(self, closing_step: int, closing: Collection[str]) -> None:
         """Write what is left: up to `closing_step`, and at that the outputs of those named.

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from isal.isal_zlib import crc32
 from mcap import records as mcap
@@ -64,14 +64,14 @@ class Summary:
         self._records[opcode] += data
         self._counts[opcode] += 1
 
-    def add_chunk(self, indexes: Mapping[int, Sequence[int]], row: mcap.ChunkIndex) -> None:
-        """Add a chunk that is in the file. indexes: channel → log times and offsets in turn."""
+    def add_chunk(self, indexes: Mapping[int, bytearray], row: mcap.ChunkIndex) -> None:
+        """Add a chunk that is in the file. indexes: channel → 16 bytes a message."""
         start_ns = row.message_start_time
         is_first = not self._counts[Opcode.CHUNK_INDEX]
         self._earliest = start_ns if is_first else min(self._earliest, start_ns)
         self._latest = max(self._latest, row.message_end_time)
         for channel, entries in indexes.items():
-            self._message_counts[channel] += len(entries) // 2
+            self._message_counts[channel] += len(entries) // 16
         self._add(Opcode.CHUNK_INDEX, bytes_of(row))
 
     def end(self, start: int) -> bytes:

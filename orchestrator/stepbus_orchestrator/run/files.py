@@ -1,6 +1,7 @@
 """The files of a run: opened before it starts, and closed whatever happens."""
 
 import contextlib
+import os
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
@@ -49,7 +50,9 @@ class RunFiles:
         self.recorder: Recorder | _NoRecorder = _NoRecorder(order, self.events)
         timing = None
         if is_recorded:
-            self._file = McapFile(self.out / layout.RUN_FILE, host.disk)
+            # A simulated disk knows no threads.
+            path, is_real = self.out / layout.RUN_FILE, host.disk is os
+            self._file = McapFile(path, host.disk, in_background=is_real)
             self.recorder = Recorder(
                 self._file, order, scenario.step_ns, self.events.take, scenario.types
             )
