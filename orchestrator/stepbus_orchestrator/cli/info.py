@@ -13,6 +13,7 @@ from stepbus_orchestrator.recording import Recording, Recovery, layout, recover
 from stepbus_orchestrator.recording.recover import planned_steps
 from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.run.result import RESULT_FILE, result_beside
+from stepbus_orchestrator.scenario.extend import participant_rows
 from stepbus_orchestrator.scenario.ports import RECORD_ALL
 from stepbus_participant import parse_duration
 from stepbus_schemas import Event, StepbusError
@@ -99,7 +100,7 @@ def _info(recording: Recording) -> Info:
         cut_short=recording.cut_short,
         incomplete=missing,
         holes=holes,
-        programs=_programs(scenario),
+        programs={name: _program(row) for name, row in participant_rows(scenario).items()},
         ports=_ports(recording),
         partly={t: p.record for t, p in recording.ports.items() if p.record != RECORD_ALL},
         events=_events(recording),
@@ -112,14 +113,8 @@ def _info(recording: Recording) -> Info:
     )
 
 
-def _programs(scenario: Mapping[str, Any]) -> dict[str, str]:
-    """Return participant → what is started as it."""
-    participants = scenario.get("participants")
-    rows = participants.items() if isinstance(participants, dict) else ()
-    return {str(name): _program(row) for name, row in rows if isinstance(row, dict)}
-
-
 def _program(row: Mapping[str, Any]) -> str:
+    """Return the program that is started as a participant."""
     if "participant" in row:
         return f"Python {row['participant']}"
     words = row.get("exec")

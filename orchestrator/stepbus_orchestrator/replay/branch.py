@@ -8,7 +8,12 @@ from pathlib import Path
 
 from stepbus_orchestrator.recording import Checkpoints, Recording, SavedState, layout
 from stepbus_orchestrator.recording.layout import Source, recording_file
-from stepbus_orchestrator.replay.branch_change import Change
+from stepbus_orchestrator.replay.branch_change import (
+    call_before,
+    changed_participants,
+    check_change,
+    first_live_step,
+)
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
 from stepbus_orchestrator.replay.rerun import Repeated
 from stepbus_orchestrator.replay.sources import Sources, own_version_notes, unpack_into
@@ -62,12 +67,12 @@ class BranchPlan:
         self._recording = Recording(recording)
         self._out = out
         path = unpack_into(out, Sources.of(self._recording))
-        change = Change(load(path), load(path, overrides, faults), at)
-        change.check(self._recording)
-        self.at = change.at
-        self.scenario = change.scenario
-        self._changed = change.participants()
-        self._new_calls = [change.call(text) for text in calls]
+        recorded = load(path)
+        self.scenario = load(path, overrides, faults)
+        self.at = first_live_step(at, self.scenario.step_ns)
+        check_change(recorded, self.scenario, self.at, self._recording)
+        self._changed = changed_participants(recorded, self.scenario)
+        self._new_calls = [call_before(self.at, text, self.scenario) for text in calls]
         self._calls = recorded_calls(self._recording)
         self._sha256 = file_sha256(self._recording.path)
         self.notes = own_version_notes(self._recording)

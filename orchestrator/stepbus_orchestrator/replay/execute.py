@@ -12,7 +12,7 @@ from typing import Any
 from stepbus_orchestrator.analysis.divergence import PortResult, fields_of, in_order
 from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
 from stepbus_orchestrator.errors import OutputExists, ParticipantFault
-from stepbus_orchestrator.processes.limits import check_limits
+from stepbus_orchestrator.processes.launcher import check_limits
 from stepbus_orchestrator.recording import (
     Recorder,
     Recording,

@@ -15,7 +15,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import PROGRAM, check_whole, replayable_steps, rewired
 from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.run.folder import read_files
-from stepbus_orchestrator.scenario.extend import read_extended
+from stepbus_orchestrator.scenario.extend import participant_rows, read_extended
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_orchestrator.scenario.scenario_files import find_files
@@ -76,14 +76,12 @@ def prepare(
 
 def _programs(scenario: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """Return the keys `participant` and `exec` of each participant, as a scenario has them."""
-    rows = scenario.get("participants")
     return {
         name: {
             "participant": str(row.get("participant") or ""),
             "exec": tuple(map(str, row.get("exec") or ())),
         }
-        for name, row in (rows.items() if isinstance(rows, dict) else ())
-        if isinstance(row, dict)
+        for name, row in participant_rows(scenario).items()
     }
 
 

@@ -16,7 +16,7 @@ import msgspec
 
 from stepbus_orchestrator.replay.sources import Recorded, Sources
 from stepbus_orchestrator.run.result import RESULT_FILE
-from stepbus_orchestrator.scenario.extend import read_extended
+from stepbus_orchestrator.scenario.extend import participant_rows, read_extended
 from stepbus_orchestrator.scenario.locate import scenario_folders
 from stepbus_orchestrator.scenario.program import participant_classes
 from stepbus_orchestrator.scenario.scenario_files import is_file, texts_in
@@ -137,7 +137,7 @@ def programs_of(
     code = {n: files[n] for n in files if PurePosixPath(n).suffix.lower() not in _DATA}
     words = {
         name: _words(row, own_program=own_program)
-        for name, row in _participants(recording.scenario).items()
+        for name, row in participant_rows(recording.scenario).items()
         if participant in {None, name}
     }
     commands = {name: command for name, command in words.items() if command}
@@ -148,9 +148,9 @@ def programs_of(
     has_all = not (commands or code)
     edited: Sequence[str] = ()
     if home is not None:
-        rows = _participants(read_extended(home).data)
+        rows = participant_rows(read_extended(home).data)
         is_same = all(
-            _words(rows.get(name), own_program=own_program) == command
+            _words(rows.get(name, {}), own_program=own_program) == command
             for name, command in commands.items()
         )
         paths = {name: home.parent / name for name in files}
@@ -162,17 +162,11 @@ def programs_of(
     return Programs(commands=commands, files=list(code), is_yours=has_all, edited=edited)
 
 
-def _participants(scenario: Mapping[str, Any]) -> dict[str, Any]:
-    rows = scenario.get("participants")
-    return rows if isinstance(rows, dict) else {}
-
-
-def _words(row: Any, *, own_program: bool) -> list[str]:
+def _words(given: Mapping[str, Any], *, own_program: bool) -> list[str]:
     """Return the program of a participant, and the classes that its parameters name, as `law`.
 
     What installed packages declare is left out. own_program: so is the program.
     """
-    given = row if isinstance(row, dict) else {}
     program = given.get("exec") or given.get("participant") or []
     words = list(map(str, program)) if isinstance(program, list) else [str(program)]
     is_installed_class = "exec" not in given and program in participant_classes()

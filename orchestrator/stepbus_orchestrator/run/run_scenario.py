@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure
-from stepbus_orchestrator.processes.limits import check_limits
+from stepbus_orchestrator.processes.launcher import check_limits
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.extension import Host, RunExtension, overriding
 from stepbus_orchestrator.run.extensions import with_defaults

@@ -95,6 +95,13 @@ def _renamed(value: Any, old: Path, new: Path) -> Any:
     return each_text(value, partial(_new_name, old, new))
 
 
+def participant_rows(scenario: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the participants of a scenario in plain data, by name, as far as they are maps."""
+    rows = scenario.get("participants")
+    given = rows.items() if isinstance(rows, dict) else ()
+    return {str(name): row for name, row in given if isinstance(row, dict)}
+
+
 def each_text(value: Any, change: Callable[[str], str]) -> Any:
     """Return a value in which every text is changed."""
     if isinstance(value, dict):

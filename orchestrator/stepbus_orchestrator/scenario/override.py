@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.scenario.extend import each_text, without_replaced
+from stepbus_orchestrator.scenario.extend import each_text, participant_rows, without_replaced
 from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_orchestrator.scenario.scenario_files import is_file, is_in_environment
 from stepbus_participant import SettingsError, file_in, suggest
@@ -73,11 +73,10 @@ def _parsed(data: dict[str, Any], setting: str, file: str) -> tuple[Keys, Any]:
 
 def _parameter(data: dict[str, Any], key: str) -> str:
     """Return of which participants a key is a parameter; nothing: of none."""
-    rows = data.get("participants")
     paths = [
         f"{name}.params.{key}"
-        for name, row in (rows.items() if isinstance(rows, dict) else ())
-        if isinstance(row, dict) and isinstance(row.get("params"), dict) and key in row["params"]
+        for name, row in participant_rows(data).items()
+        if isinstance(row.get("params"), dict) and key in row["params"]
     ]
     return f"did you mean {' or '.join(paths)}?" if paths else ""
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.errors import ExitCode, Interrupted, OutputExists, RecordingFailed
-from stepbus_orchestrator.processes.limits import check_limits
+from stepbus_orchestrator.processes.launcher import check_limits
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.axes import Point
