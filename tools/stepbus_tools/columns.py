@@ -170,11 +170,8 @@ def distinct(names: Sequence[str], taken: Collection[str] = ()) -> list[str]:
 
 def to_json(value: Any) -> str:
     """Return a value as JSON; "NaN", "Infinity" and "-Infinity" are strings, as JSON lacks them."""
-    plain = msgspec.to_builtins(value)
-    try:
-        return json.dumps(plain, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    except ValueError:
-        return to_json(_finite(plain))
+    plain = _finite(msgspec.to_builtins(value))
+    return json.dumps(plain, ensure_ascii=False, separators=(",", ":"))
 
 
 def _finite(value: Any) -> Any:

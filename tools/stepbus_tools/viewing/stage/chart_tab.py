@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_schemas import Message
-from stepbus_tools.columns import LISTS, NUMBERS, dotted, fields_of, limits_of
+from stepbus_tools.columns import dotted, fields_of, limits_of
 from stepbus_tools.report.charts import Mark
 from stepbus_tools.theme import LINES, PAPER, line_style
 from stepbus_tools.viewing.scene.build import Ports
@@ -77,7 +77,7 @@ def signals(ports: Ports, messages: Messages) -> list[Signal]:
         port = ports[topic]
         for field in fields_of(port, type(latest.message)):
             count = len(_numbers(getattr(latest.message, field.name)))
-            if count and field.columns[0].type in (*NUMBERS, *LISTS):
+            if count and field.is_numeric:
                 label, names = f"{dotted(port)}.{field.name}", field.labels(count)[:_MOST_LINES]
                 described = port.description.limits
                 limits = [limits_of(described, field.name, index) for index in range(len(names))]

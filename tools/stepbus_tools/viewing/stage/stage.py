@@ -103,7 +103,7 @@ class Stage:
         self._poses: dict[str, Pose] = {}
         ghost_meshes: dict[str, list[Any]] = {}
         with server.atomic():
-            self._root = server.scene.add_frame(root, show_axes=False)
+            server.scene.add_frame(root, show_axes=False)
             for frame in scene.frames:
                 # A slash would begin a node below it.
                 name = frame.name.replace("/", "|") or "root"
@@ -158,7 +158,8 @@ class Stage:
         has_moved = False
         for name in [name for name in poses if name in self._nodes]:
             node, pose, before = self._nodes[name], poses[name], self._poses[name]
-            turns, shifts = _differ(pose.wxyz, before.wxyz), _differ(pose.position, before.position)
+            shifts = math.dist(pose.position, before.position) > _NEAR
+            turns = math.dist(pose.wxyz, before.wxyz) > _NEAR
             if shifts:
                 node.position = pose.position
             if turns:
@@ -167,10 +168,6 @@ class Stage:
                 self._poses[name], has_moved = pose, True
         if has_moved and self.ghosts:
             self.ghosts.compare(self.scene.placed(self._poses))
-
-
-def _differ(a: Sequence[float], b: Sequence[float]) -> bool:
-    return any(abs(x - y) > _NEAR for x, y in zip(a, b, strict=True))
 
 
 class Ghosts:
