@@ -54,7 +54,8 @@ def picture_peers() -> list[Case]:
 def peers() -> list[Case]:
     """Return the arm coupled by other means."""
     return [
-        _program("one loop, no coupling", "peers.loop", steps=100_000),
+        _program("one loop, no coupling", "peers.loop", "pybullet", steps=100_000),
+        _program("one loop, MuJoCo", "peers.loop", "mujoco", steps=100_000),
         _program(CHAIN, "peers.chain", "pyzmq"),
         _program("chain by hand: Zenoh", "peers.chain", "zenoh"),
         _program("HELICS, ipc", "peers.federation", "ipc", steps=6000),
@@ -73,6 +74,8 @@ def two_link() -> list[Case]:
         _stepbus("two_link, in one process", window=64, in_process=True),
         _stepbus("two_link, in one process, not recorded", window=64, in_process=True,
                  recorded=False),
+        _stepbus("two_link, in one process, MuJoCo", window=64, in_process=True,
+                 overrides=["plant.params.engine=mujoco"]),
     ]  # fmt: skip
 
 

@@ -1,10 +1,12 @@
-"""The work of a step of two_link, by hand: a PyBullet step, a Pinocchio torque, a reference."""
+"""The work of a step of two_link, by hand: an engine's step, a Pinocchio torque, a reference."""
 
 import math
 import struct
 from pathlib import Path
 from typing import Any
 
+import mujoco
+import numpy as np
 import pinocchio
 import pybullet
 
@@ -43,18 +45,37 @@ class Plant:
         pybullet.stepSimulation()
 
 
+class MujocoPlant:
+    """The same with MuJoCo's own Python."""
+
+    def __init__(self) -> None:
+        spec: Any = mujoco.MjSpec.from_file(URDF)
+        spec.option.timestep = STEP_S
+        self._model = spec.compile()
+        self._data: Any = mujoco.MjData(self._model)
+        self._data.qpos[1] = 1.0
+
+    def state(self) -> bytes:
+        """Return positions and velocities."""
+        return bytes(self._data.qpos.tobytes() + self._data.qvel.tobytes())
+
+    def step(self, command: bytes) -> None:
+        """Advance by a step under two torques."""
+        self._data.qfrc_applied[:] = np.frombuffer(command)
+        mujoco.mj_step(self._model, self._data)
+
+
 class Controller:
     """Computed torque."""
 
     def __init__(self) -> None:
         self._model = pinocchio.buildModelFromUrdf(URDF)
         self._data = self._model.createData()
-        self._np: Any = __import__("numpy")
 
     def torque(self, state: bytes, reference: bytes) -> bytes:
         """Return the torques for a state and a reference."""
-        values = self._np.frombuffer(state)
-        wanted = self._np.frombuffer(reference)
+        values = np.frombuffer(state)
+        wanted = np.frombuffer(reference)
         q, v = values[:2], values[2:]
         a = wanted[4:] + KP * (wanted[:2] - q) + KD * (wanted[2:4] - v)
         return _COMMAND.pack(*pinocchio.rnea(self._model, self._data, q, v, a))

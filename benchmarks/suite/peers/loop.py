@@ -4,12 +4,13 @@ import sys
 
 from benchmarks.suite.clock import Clock
 
-from .arm import Controller, Plant, reference
+from .arm import Controller, MujocoPlant, Plant, reference
 
 
-def main(steps: int) -> None:
-    """Run it."""
-    plant, controller, clock = Plant(), Controller(), Clock()
+def main(engine: str, steps: int) -> None:
+    """Run it. engine: pybullet or mujoco."""
+    plant = MujocoPlant() if engine == "mujoco" else Plant()
+    controller, clock = Controller(), Clock()
     for step in range(steps):
         plant.step(controller.torque(plant.state(), reference(step)))
         clock.tick()
@@ -17,4 +18,4 @@ def main(steps: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    main(sys.argv[1], int(sys.argv[2]))
