@@ -26,7 +26,8 @@ def test_the_simulator_has_every_fault_of_a_run():
 @pytest.mark.parametrize(("number", "kind"), list(enumerate(REAL)))
 def test_real_processes_agree(number, kind, tmp_path, monkeypatch):
     random = Random(number)
-    name = random.choice(["loop", "seen"])
+    # What is published again may reach a camera after the next message (P8.7), which it reports.
+    name = random.choice(["loop", "seen"]) if kind != "drop" else "loop"
     draw = Draw(random=random, names=list(SCENARIOS[name]), steps=40)
     tape = Tape(name, 50, KNOBS, (draw_fault(kind, draw),))
     execution, problems = execute(tape)

@@ -60,7 +60,8 @@ fn take_part<P: Participant>(bus: Bus, ticket: &Ticket, terminated: Arc<AtomicBo
         Ok(welcome) => {
             let mut session = Session::new(bus, welcome, terminated);
             let outcome = live::<P>(&mut session).or_else(|leave| part(&mut session, leave));
-            (session.close(), outcome)
+            let is_slow = outcome.is_ok() && !ticket.endpoint.low_latency;
+            (session.close(is_slow.then(|| encode(&hello::<P>(ticket)))), outcome)
         }
         Err(text) => (bus.close(), Err(text)),
     };

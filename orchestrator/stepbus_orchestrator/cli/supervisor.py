@@ -91,7 +91,9 @@ def supervise(environment: Mapping[str, str]) -> int:
     is_killed = watcher.await_end(meanwhile=lambda: _pass_on(signals, memory, pid))
     code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])  # no time-out: it has ended
     reaper.end(_left)
-    # From here on, Ctrl-C ends it at once.
+    # What came before its end changes nothing; from here on, Ctrl-C ends this process at once.
+    while signal.sigtimedwait(signals, 0) is not None:
+        pass
     signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
     return _concluded(memory, pid, code, watcher if is_killed else None)
 

@@ -118,8 +118,9 @@ def join(
 def await_delivery(bus: Bus, welcome: Welcome) -> None:
     """Wait until the orchestrator has what was published so far, 10 s at most.
 
-    A session of the transport for bulk ports that closes drops what it has not sent yet, such as
-    the last `Log` after an image. An answer to one more `Hello` (P4.2) shows that it is out.
+    A session that closes drops what it has not sent yet, unless its transport is the one of low
+    latency: the last `Log`, on a busy machine. An answer to one more `Hello` (P4.2) shows that it
+    is out.
     """
     again = _ask(bus, welcome.name, welcome.token, _DELIVERY_S, protocol=welcome.protocol)
     next(iter(again), None)

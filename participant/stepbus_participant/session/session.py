@@ -142,7 +142,8 @@ class Session:
         )
         try:
             loop.run()
-            if any(output.bulk for output in self._welcome.outputs.values()):
+            bulk = any(output.bulk for output in self._welcome.outputs.values())
+            if bulk or not self._ticket.endpoint.low_latency:
                 await_delivery(self._bus, self._welcome)
         finally:
             self._step = loop.step.index

@@ -32,7 +32,8 @@ LATE = Verdict(
 )
 LEFT = Verdict(dict.fromkeys(MOMENTS, 9), dict.fromkeys(MOMENTS, ("stop",)))
 DIED = Verdict({"import": 3, "start": 3, "step": 5, "close": 5}, {})
-INTERRUPTED = Verdict(dict.fromkeys(MOMENTS, 130), {})
+# At the close, the recording is complete already.
+INTERRUPTED = Verdict({**dict.fromkeys(MOMENTS, 130), "close": 0}, {})
 HARMLESS = Verdict(dict.fromkeys(MOMENTS, 0), {})
 
 KINDS = {
