@@ -6,6 +6,7 @@ without one, those of the last commit. It needs no remote: in a fresh clone noth
 
 import subprocess
 import sys
+from pathlib import Path
 
 CODE = (
     "schemas",
@@ -26,17 +27,23 @@ def git(*arguments: str) -> list[str]:
     return done.stdout.splitlines() if done.returncode == 0 else []
 
 
+def unreleased(lines: list[str]) -> str:
+    """Return the section `## Unreleased` of a changelog."""
+    return "\n".join(lines).partition("\n## Unreleased")[2].partition("\n## ")[0]
+
+
 def main() -> int:
     """Print what is wrong and return the exit code."""
     bases = (git("merge-base", "HEAD", branch) for branch in MAIN_BRANCHES)
     base = next(filter(None, bases), ["HEAD"])[0]
     code = git("diff", "--name-only", base, "--", *CODE)
     code += git("ls-files", "--others", "--exclude-standard", "--", *CODE)
-    if not code or git("diff", "--name-only", base, "--", CHANGELOG):
+    here = Path(CHANGELOG).read_text(encoding="utf-8").splitlines()
+    if not code or unreleased(here) != unreleased(git("show", f"{base}:{CHANGELOG}")):
         return 0
     sys.stderr.write(
-        f"{CHANGELOG} is unchanged since {base[:10]}, but {len(code)} code files changed "
-        f"({code[0]} …); add a line under `## Unreleased` on what changed for users\n"
+        f"{CHANGELOG}: `## Unreleased` is unchanged since {base[:10]}, but {len(code)} code "
+        f"files changed ({code[0]} …); add a line on what changed for users\n"
     )
     return 1
 

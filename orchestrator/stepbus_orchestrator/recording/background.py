@@ -10,8 +10,8 @@ from threading import Thread
 class Background:
     """Makes one call after the other on a thread, which starts with the first and ends with `end`.
 
-    `start` and `settle` raise what the call before has raised. has_thread: if not, the caller's
-    thread makes the calls.
+    `start` and `settle` raise what the call before has raised. has_thread: if not, or where the
+    machine allows no more threads, the caller's thread makes the calls.
     """
 
     def __init__(self, *, has_thread: bool) -> None:
@@ -23,15 +23,18 @@ class Background:
     def start(self, call: Callable[[], None]) -> None:
         """Start a call, once the one before is over."""
         self.settle()
-        if not self._has_thread:
-            call()
-            return
-        if self._thread is None:
+        if self._has_thread and self._thread is None:
             # Not before it is needed: no thread survives a fork.
             thread = Thread(target=self._work, name="recording", daemon=True)
-            thread.start()
-            self._thread = thread
-        self._calls.put(call)
+            try:
+                thread.start()
+                self._thread = thread
+            except RuntimeError:
+                self._has_thread = False
+        if self._thread is None:
+            call()
+        else:
+            self._calls.put(call)
 
     def settle(self) -> None:
         """Wait until no call is in progress."""

@@ -88,7 +88,8 @@ class RunFiles:
             failure = failure or exc
         self.timing.event("end", text=str(failure or ending))
         self.timing.close()
-        if failure is None:
+        has_ended = is_finished and failure is None
+        if has_ended:
             for what in self.scenario.left_out:
                 self.events.add_warning("recording", f"a rerun does not find {what}")
         for spec in self.scenario.participants:
@@ -96,7 +97,7 @@ class RunFiles:
             with contextlib.suppress(OSError), log.open("rb") as file:
                 for text in warnings_in(file.read(HEAD_BYTES)):
                     self.events.add_warning(spec.name, text)
-        if failure is None:
+        if has_ended:
             self.events.add_silent(self.scenario, self.recorder.silent, steps)
         return failure or ending
 

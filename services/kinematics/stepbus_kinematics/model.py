@@ -330,11 +330,8 @@ class RobotModel:
         of a URDF and friction do not; g: as of `gravity_torque`. By the recursive Newton-Euler
         algorithm (Featherstone, Rigid Body Dynamics Algorithms, 2008, table 5.1).
         """
-        if self._is_direct:
-            there, rate, rise = np.array(q), np.array(v), np.array(a)
-        else:
-            there, rate, rise = self._spread(q, self._offset), self._spread(v), self._spread(a)
-        torque = pin.rnea(self.model, self.data, there, rate, rise)
+        there, rate = self._spread(q, self._offset), self._spread(v)
+        torque = pin.rnea(self.model, self.data, there, rate, self._spread(a))
         if self.robot.format == "mjcf":
             torque = torque + self._passive(there) + self._damping * rate
         return self._of_joints(torque)

@@ -34,6 +34,16 @@ def test_a_thread_writes_the_same_bytes(tmp_path, flush_every):
     assert fill(tmp_path / "a.mcap", in_background=True, flush_every=flush_every) == usual
 
 
+def test_a_machine_without_a_thread_to_spare_writes_the_same_bytes(tmp_path, monkeypatch):
+    usual = fill(tmp_path / "usual.mcap", in_background=False)
+    monkeypatch.setattr(threading, "_start_new_thread", _no_thread)
+    assert fill(tmp_path / "a.mcap", in_background=True) == usual
+
+
+def _no_thread(*_given):
+    raise RuntimeError("can't start new thread")
+
+
 def test_the_thread_starts_with_the_second_full_chunk_and_ends_with_the_file(tmp_path):
     file = McapFile(tmp_path / "run.mcap", in_background=True)
     channel, before = file.add_channel("plant/a", "Event/1", {}), threading.active_count()
