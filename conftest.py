@@ -174,3 +174,4 @@ def _physics_is_closed():
         sys.modules["pybullet"].disconnect(client)
     if engine := sys.modules.get("stepbus_plant.engines.pybullet"):
         engine.empty_clients.clear()
+        engine.left_clients.clear()

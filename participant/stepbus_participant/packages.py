@@ -93,6 +93,21 @@ def lacks(who: str, *modules: str) -> str:
     return f"{who} needs {' and '.join(modules)}, which {verb} not installed{hint}"
 
 
+def _normal(package: str) -> str:
+    return re.sub(r"[-_.]+", "_", package).lower()
+
+
+@cache
+def _installed(place: str) -> Mapping[str, str]:
+    """Return name → version of the packages in a folder."""
+    folder, found = Path(place), dict[str, str]()
+    for name in os.listdir(folder) if folder.is_dir() else ():  # noqa: PTH208  (five times as quick)
+        package, _, version = name.removesuffix(".dist-info").partition("-")
+        if name.endswith(".dist-info") and (folder / name / "METADATA").is_file():
+            found.setdefault(_normal(package), version)
+    return found
+
+
 @cache
 def installed_version(package: str) -> str:
     """Return the version of an installed package, such as `eclipse-zenoh`.
@@ -100,13 +115,10 @@ def installed_version(package: str) -> str:
     As of `importlib.metadata`, which takes 15 ms to load: with three participants, a tenth of a
     start. Raises PackageNotFoundError, a ModuleNotFoundError, where there is none.
     """
-    name = re.sub(r"[-_.]+", "[-_.]+", package)
-    folder = re.compile(rf"{name}-(.+)\.dist-info", re.IGNORECASE)
-    for place in filter(Path.is_dir, map(Path, sys.path)):
-        for name in os.listdir(place):  # noqa: PTH208  (of some hundred, five times as quick)
-            match = folder.fullmatch(name)
-            if match and (place / name / "METADATA").is_file():
-                return match[1]
+    name = _normal(package)
+    for place in sys.path:
+        if name in _installed(place):
+            return _installed(place)[name]
     # In a zip file, or an egg of old.
     from importlib.metadata import version  # noqa: PLC0415  see above
 

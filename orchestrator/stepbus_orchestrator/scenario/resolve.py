@@ -3,6 +3,7 @@
 import io
 import re
 import sys
+from functools import lru_cache
 from typing import Any
 
 import msgspec
@@ -44,16 +45,32 @@ def resolved(scenario: Scenario) -> str:
     Bus, window, batch, checkpoints and deadlines are left out: they change no result. Loading the
     text beside the same files gives an equal scenario but for these, and the same text again.
     """
+    content = _scenario(scenario)
+    rows = content.pop("participants")
+    # Each by itself: of the runs of a sweep, most are those of the run before.
+    text = _yaml({**content, "participants": [{}]}).removesuffix("- {}\n")
+    for name, row in rows.items():
+        text += "  " + _yaml({name: row})[:-1].replace("\n", "\n  ") + "\n"
+    remember(text, {**content, "participants": rows})
+    return text
+
+
+def _yaml(content: dict[str, Any]) -> str:
+    return _as_yaml(msgspec.msgpack.encode(content))
+
+
+@lru_cache(maxsize=256)
+def _as_yaml(content: bytes) -> str:
+    """Return a map as YAML; content: in MessagePack."""
     yaml = YAML(typ="safe", pure=True)
     yaml.Representer = _Representer
     yaml.default_flow_style = None
     yaml.width = sys.maxsize
     # The order of maps is part of a scenario: participants that could go first go in that order.
     yaml.representer.sort_base_mapping_type_on_output = False
-    stream, content = io.StringIO(), _scenario(scenario)
-    yaml.dump(content, stream)
-    remember(text := stream.getvalue(), content)
-    return text
+    stream = io.StringIO()
+    yaml.dump(msgspec.msgpack.decode(content), stream)
+    return stream.getvalue()
 
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:
@@ -87,11 +104,11 @@ def _participant(spec: ParticipantSpec) -> dict[str, Any]:
         "participant": spec.participant,
         "exec": list(spec.exec),
         "files": list(spec.files),
-        "bridge": spec.bridge and _written(spec.bridge),
+        "bridge": spec.bridge and _keys(spec.bridge),
         "every": spec.every,
         "publishes": spec.publishes,
-        "inputs": {name: _written(item) for name, item in spec.inputs.items()},
-        "outputs": {name: _written(item) for name, item in spec.outputs.items()},
+        "inputs": {name: _keys(item) for name, item in spec.inputs.items()},
+        "outputs": {name: _keys(item) for name, item in spec.outputs.items()},
         "params": dict(spec.params),
         "on_fault": spec.hold and _on_fault(spec.hold),
     }
@@ -103,7 +120,7 @@ def _on_fault(hold: HoldSpec) -> dict[str, Any]:
     return {**times, "safe": hold.safe} if hold.safe else times
 
 
-def _written(settings: InputSpec | OutputSpec | BridgeSpec) -> Any:
+def _keys(settings: InputSpec | OutputSpec | BridgeSpec) -> Any:
     """Return the keys that are no defaults; the short form where that says it all."""
     keys = msgspec.to_builtins(settings)
     return keys[settings.short] if set(keys) == {settings.short} else keys

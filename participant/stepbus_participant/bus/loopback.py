@@ -47,7 +47,8 @@ class LoopbackBus:
         self.clock: Clock = clock if peer is None else peer.clock
         self.queue = make_queue
         self._declared: list[_Declared] = [] if peer is None else peer._declared
-        self._publishers: list[Callable[[], None]] = [] if peer is None else peer._publishers
+        self._publishers: list[tuple[str, Callable[[], None]]]
+        self._publishers = [] if peer is None else peer._publishers
         self._only = peer if is_leaf else None
         self.exchange: Any = None if peer is None else peer.exchange
         self._closed = False
@@ -79,7 +80,7 @@ class LoopbackBus:
                 take(Sample(key, content, attachment, encoding))
 
         find_subscribers()
-        self._publishers.append(find_subscribers)
+        self._publishers.append((key, find_subscribers))
         return put
 
     def _reached(self, role: _Role, key: str, *, remote: bool) -> list[Callable[..., None]]:
@@ -131,7 +132,8 @@ class LoopbackBus:
         self._closed = True
         left = [row for row in self._declared if row.bus is self]
         self._declared[:] = [row for row in self._declared if row.bus is not self]
-        self._renew_publishers()
+        for row in left:
+            self._renew_publishers(row.key)
         for row in left:
             if row.role == "alive":
                 self._call("watcher", row.key, row.key, False)
@@ -139,11 +141,12 @@ class LoopbackBus:
     def _declare(self, role: _Role, key: str, sink: Callable[..., None]) -> None:
         self._declared.append(_Declared(self, role, key, sink))
         if role in {"receiver", "subscriber"}:
-            self._renew_publishers()
+            self._renew_publishers(key)
 
-    def _renew_publishers(self) -> None:
-        for find_subscribers in self._publishers:
-            find_subscribers()
+    def _renew_publishers(self, wanted: str) -> None:
+        for key, find_subscribers in self._publishers:
+            if _matches(wanted, key):
+                find_subscribers()
 
     def _call(self, role: _Role, key: str, *arguments: Any) -> int:
         """Call each sink of a role that is declared for a key; return how many they are."""
