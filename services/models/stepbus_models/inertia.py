@@ -44,7 +44,8 @@ def _repaired(inertia: Moments) -> Moments:
         mean = (xx + yy + zz) / 3
         return mean, mean, mean, 0.0, 0.0, 0.0
     # Each engine turns it into its principal axes by itself, and must not arrive beyond the limit.
-    if values[0] >= 0.0 and excess < -_MARGIN * largest:
+    # What is returned below stays as it is when it is read again, however a processor rounds.
+    if values[0] >= 0.0 and excess < -_MARGIN / 2 * largest:
         return inertia
     values[0] = max(values[0], 0.0)
     values[2] = min(largest, (values[0] + values[1]) * (1.0 - _MARGIN))

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from importlib import import_module
 from typing import Any
@@ -66,9 +67,9 @@ class Painter:
         """Let go of the display."""
         self._closing.close()
 
-    def __del__(self) -> None:
+    def __del__(self, is_finalizing: Callable[[], bool] = sys.is_finalizing) -> None:
         """Let go of the display, before MuJoCo does so in whichever context is current."""
-        if not sys.is_finalizing():
+        if not is_finalizing():
             self.close()
 
     def image(
