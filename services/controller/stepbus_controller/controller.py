@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from operator import ne, sub
+from operator import le, ne, sub
 from typing import Any, cast
 
 import msgspec
@@ -57,7 +57,7 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
 
     state: _State
     params: dict[str, Any]
-    integral: Vector
+    integral: list[float]
     filters: list[list[Vector]]
 
 
@@ -138,19 +138,24 @@ class Controller(Participant):
             wanted = self._own_torques(q, v, reference, step.index)
         else:
             wanted = self._pd.efforts(q, v, reference, self._dt)
-        if not all(map(math.isfinite, wanted)):
-            raise RunError(
-                f"{self.config.name}: step {step.index}: the torques are "
-                f"{dict(zip(self._names, wanted, strict=True))}; is a gain too high, or an input "
-                "not finite?"
-            )
-        rows = zip(wanted, self._limit, strict=True)
-        values = [t if -most <= t <= most else math.copysign(most, t) for t, most in rows]
+        is_within = all(map(le, map(abs, wanted), self._limit))
+        values = wanted if is_within else self._clipped(wanted, step.index)
         command = JointCommand(mode="torque", values=values)
         if self._status_port is None:
             return {self._command_port: command}
         error = list(map(sub, reference[0], position))
         return {self._command_port: command, self._status_port: self._status(error, wanted, values)}
+
+    def _clipped(self, wanted: list[float], step: int) -> list[float]:
+        """Return torques within the limits; raises RunError where they are not finite."""
+        if not all(map(math.isfinite, wanted)):
+            raise RunError(
+                f"{self.config.name}: step {step}: the torques are "
+                f"{dict(zip(self._names, wanted, strict=True))}; is a gain too high, or an input "
+                "not finite?"
+            )
+        rows = zip(wanted, self._limit, strict=True)
+        return [t if -most <= t <= most else math.copysign(most, t) for t, most in rows]
 
     def save(self) -> bytes | None:
         """Return inputs, gains, filters and integral; None for a law of the user's own."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from operator import add
+from operator import add, mul
 from typing import Any, ClassVar, NamedTuple, Protocol, cast
 
 import numpy as np
@@ -108,13 +108,14 @@ class PD:
 
     def __init__(self, robot: Robot, params: GainParams) -> None:
         self._robot = robot
-        self.integral: Vector = np.zeros(0)
+        self.integral: list[float] = []
         self.set_gains(params)
 
     def set_gains(self, params: Any) -> None:
         """Set the gains from parameters; the integral is kept."""
-        self._kp: list[float] = params.kp.of(self._robot.joints)
-        self._kd: list[float] = params.kd.of(self._robot.joints)
+        joints = self._robot.joints
+        gains = zip(params.kp.of(joints), params.kd.of(joints), strict=True)
+        self._rows = [(number, kp, kd) for number, (kp, kd) in enumerate(gains)]
 
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
         """See `Law`."""
@@ -122,8 +123,8 @@ class PD:
 
     def efforts(self, q: Values, v: Values, reference: AnyReference, dt: float, /) -> list[float]:
         """Return the torques as a list: for few joints, lists are quicker than arrays."""
-        rows = zip(self._kp, self._kd, *reference[:2], q, v, strict=True)
-        return [kp * (q_d - q) + kd * (v_d - v) for kp, kd, q_d, v_d, q, v in rows]
+        q_d, v_d, _ = reference
+        return [kp * (q_d[i] - q[i]) + kd * (v_d[i] - v[i]) for i, kp, kd in self._rows]
 
 
 class PID(PD):
@@ -143,29 +144,31 @@ class PID(PD):
 
     def __init__(self, robot: Robot, params: PIDParams) -> None:
         super().__init__(robot, params)
-        self.integral = np.zeros(len(robot.joints))
+        self.integral = [0.0] * len(robot.joints)
         anti_windup = params.anti_windup == "conditional_integration"
-        self._integrate_within = robot.effort_limit if anti_windup else np.inf
+        limit = robot.effort_limit if anti_windup else np.full(len(self.integral), np.inf)
+        self._integrate_within: list[float] = limit.tolist()
 
     def set_gains(self, params: Any) -> None:
         """See `PD`."""
         super().set_gains(params)
-        self._ki = np.array(params.ki.of(self._robot.joints))
-        self._inertia = np.array(params.feed_forward.of(self._robot.joints))
+        self._ki: list[float] = params.ki.of(self._robot.joints)
+        self._inertia: list[float] = params.feed_forward.of(self._robot.joints)
 
     def efforts(self, q: Values, v: Values, reference: AnyReference, dt: float, /) -> list[float]:
         """See `PD`."""
-        error = np.subtract(reference[0], q)
-        proportional = np.array(super().efforts(q, v, reference, dt))
-        if self._inertia.any():
-            proportional = proportional + self._inertia * reference[2]
-        integral = self.integral + self._ki * error * dt
-        total = proportional + integral
-        winds_up = (np.abs(total) > self._integrate_within) & (total * error > 0)
-        if winds_up.any():
-            integral[winds_up] = self.integral[winds_up]
-        self.integral = integral
-        return cast("list[float]", (proportional + integral).tolist())
+        torques = super().efforts(q, v, reference, dt)
+        if any(self._inertia):
+            torques = list(map(add, torques, map(mul, self._inertia, reference[2])))
+        rows = zip(self._ki, self._integrate_within, self.integral.copy(), strict=True)
+        for i, (ki, most, before) in enumerate(rows):
+            error = reference[0][i] - q[i]
+            integral = before + ki * error * dt
+            total = torques[i] + integral
+            winds_up = abs(total) > most and total * error > 0
+            self.integral[i] = before if winds_up else integral
+            torques[i] += self.integral[i]
+        return torques
 
 
 class PDGravity(PD):
@@ -191,8 +194,8 @@ class ComputedTorque(PD):
 
     def efforts(self, q: Values, v: Values, reference: AnyReference, dt: float, /) -> list[float]:
         """See `PD`."""
-        rows = zip(self._kp, self._kd, *reference, q, v, strict=True)
-        a = [a_d + (kp * (q_d - q) + kd * (v_d - v)) for kp, kd, q_d, v_d, a_d, q, v in rows]
+        (q_d, v_d, a_d), rows = reference, self._rows
+        a = [a_d[i] + (kp * (q_d[i] - q[i]) + kd * (v_d[i] - v[i])) for i, kp, kd in rows]
         torques: list[float] = self._robot.require_model().inverse_dynamics(q, v, a).tolist()
         return torques
 

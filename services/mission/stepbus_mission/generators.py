@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
+from math import cos, sin
 from typing import Any, Protocol
 
 from stepbus_mission.csv_table import Table, read_table
@@ -47,16 +48,13 @@ class Sine:
     ) -> None:
         self.shift = list(shift or [0.0] * len(joints))
         self._omega = params.omega.of(joints)
-        phases = zip(params.phase.of(joints), self.shift, strict=True)
-        self._rows = tuple(
-            zip(
-                params.amplitude.of(joints),
-                self._omega,
-                [phase + shift for phase, shift in phases],
-                params.offset.of(joints),
-                strict=True,
-            )
-        )
+        phases, offsets = params.phase.of(joints), params.offset.of(joints)
+        amplitudes = params.amplitude.of(joints)
+        rows = zip(amplitudes, self._omega, phases, self.shift, offsets, strict=True)
+        self._rows = [
+            (amplitude, omega, phase + shift, offset, amplitude * omega, -omega * omega)
+            for amplitude, omega, phase, shift, offset in rows
+        ]
 
     def changed(self, joints: Sequence[str], params: SineParams, t: float) -> "Sine":
         """Return the sine of other parameters from a time on [s]; another omega keeps the angle."""
@@ -66,12 +64,12 @@ class Sine:
     def at(self, t: float) -> JointReference:
         """See `Generator`."""
         position, velocity, acceleration = [], [], []
-        for amplitude, omega, phase, offset in self._rows:
+        for amplitude, omega, phase, offset, speed, stiffness in self._rows:
             angle = omega * t + phase
-            swing = amplitude * math.sin(angle)
+            swing = amplitude * sin(angle)
             position.append(offset + swing)
-            velocity.append(amplitude * omega * math.cos(angle))
-            acceleration.append(-omega * omega * swing)
+            velocity.append(speed * cos(angle))
+            acceleration.append(stiffness * swing)
         return JointReference(position=position, velocity=velocity, acceleration=acceleration)
 
 

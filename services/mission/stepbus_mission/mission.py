@@ -250,7 +250,7 @@ class Mission(Participant):
                 f"{[len(q), len(v), len(a)]} values of position, velocity, acceleration for "
                 f"{count} joints"
             )
-        if not all(map(math.isfinite, (*q, *v, *a))):
+        if not all(map(math.isfinite, [*q, *v, *a])):
             raise RunError(
                 f"{self.config.name}: step {step.index}: {self._task} returned a value that is "
                 f"not finite: {reference}"

@@ -1,8 +1,9 @@
 """Executes the commands of each input; in an emergency, or without a command, it brakes."""
 
 import math
+import sys
 from collections.abc import Callable, Sequence
-from operator import gt
+from operator import le
 from typing import Any, ClassVar, NoReturn
 
 import msgspec
@@ -79,8 +80,10 @@ class Commander(Remembers):
         self.state = DriverState()
         self._check_names(names)
         self._joints = [self._physics.joints[name] for name in names]
-        # A torque up to it takes effect.
-        self._efforts = [joint.effort if joint.motor else -1.0 for joint in self._joints]
+        # A torque up to it is finite, and takes effect.
+        self._most = [
+            min(joint.effort, sys.float_info.max) if joint.motor else -1.0 for joint in self._joints
+        ]
         self._drives = [motors.drive_of[name] for name in names]
         self._indices = [
             (drive, [(i, source) for source, (d, i) in enumerate(self._drives) if d is drive])
@@ -149,7 +152,10 @@ class Commander(Remembers):
 
     def execute(self, command: JointCommand) -> None:
         """Execute a command of joints, see `apply`."""
-        self._check_vector("values", command.values)
+        values, most = command.values, self._most
+        is_within = len(values) == len(most) and all(map(le, map(abs, values), most))
+        if not is_within:
+            self._check_vector("values", values)
         if command.velocity is not None:
             self._check_vector("velocity", command.velocity)
         if command.effort_limit is not None:
@@ -162,7 +168,7 @@ class Commander(Remembers):
             return
         if command.mode != self.state.mode:
             self._own(command.mode)
-        if command.mode != "torque" or any(map(gt, map(abs, command.values), self._efforts)):
+        if command.mode != "torque" or not is_within:
             self._warnings.check(self._joints, command)
         for drive, indices in self._indices:
             drive.command(command, indices, self._period)

@@ -73,10 +73,10 @@ class DirectTorque(Drive):
 
     def command(self, command: JointCommand, indices: Indices, period: int) -> None:
         """Set torques, saturated at the joints' limits; this releases the brake."""
-        values = command.values
+        values, wanted, efforts = command.values, self._wanted, self._efforts
         for index, source in indices:
-            value, limit = values[source], self._efforts[index]
-            self._wanted[index] = -limit if value < -limit else min(value, limit)
+            value, limit = values[source], efforts[index]
+            wanted[index] = value if -limit <= value <= limit else math.copysign(limit, value)
             if index in self._braked:
                 self._braked.remove(index)
                 self._resist(index, self.joints[index].friction)

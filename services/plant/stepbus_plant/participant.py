@@ -72,6 +72,7 @@ class Plant(Participant):
         for subject, text in self.plant.physics.notes:
             warn(f"{subject}: {text}")
         self._drivers = self.plant.stop.drivers
+        self._is_last = config.publishes == "last"
         self._event_ports = [n for n, port in config.outputs.items() if port.type == "Event/1"]
         self._warnings: list[str] = []
         self._events: list[str] = []
@@ -171,17 +172,16 @@ class Plant(Participant):
 
     def update(self, step: Step) -> Mapping[str, Message] | None:
         """Execute new commands and advance the world by one step; return its state if it is due."""
-        is_last = self.config.publishes == "last"
+        is_last, plant = self._is_last, self.plant
         # The state of the first step is that before any command.
-        advances = not is_last or step.index > 0
-        plant = self.plant
+        advances, is_stopped = not is_last or step.index > 0, plant.stop.state.active
         for port, driver in self._drivers.items():
-            if step.is_new(port) and not (plant.stop.state.active and driver.obeys_stop):
+            if step.is_new(port) and not (is_stopped and driver.obeys_stop):
                 driver.apply(step.read(port))
                 driver.state.heard_ns = plant.t_ns
         if advances:
             longest_ns = plant.params.watchdog_ns
-            if longest_ns is not None and not plant.stop.state.active:
+            if longest_ns is not None and not is_stopped:
                 plant.stop.watch(plant.t_ns, longest_ns, plant.script.record)
             for driver in self._drivers.values():
                 driver.before_step()

@@ -96,26 +96,27 @@ class SimulatedPlant(Remembers):
         Raises PhysicsError when the physics engine fails.
         """
         self.joints.efforts = []
-        script, felt = self.script, self.devices.felt
+        script, grippers, kinematics = self.script, self.devices.grippers, self._kinematics
         script.run(self.t_ns)
-        moving, grippers = script.moving.values(), self.devices.grippers.values()
         before: list[Any] = self.motors.drives
-        after: list[Any] = felt
-        if self._kinematics is not None:
+        after: list[Any] = self.devices.felt
+        if kinematics is not None:
+            moving = script.moving.values()
             before, after = [*before, *moving], [*moving]
-        elif moving or script.jammed or grippers:
+        elif script.moving or script.jammed or grippers:
+            moving, devices = script.moving.values(), grippers.values()
             jams = [script] if script.jammed else []
-            before, after = [*before, *moving, *jams, *grippers], [*grippers, *moving, *felt]
+            before, after = [*before, *moving, *jams, *devices], [*devices, *moving, *after]
         for _ in self._substeps:
             for item in before:
                 item.before_substep()
-            if self._kinematics is None:
+            if kinematics is None:
                 self.physics.engine.step()
             for item in after:
                 item.after_substep(self._step_ns * 1e-9)
-        if self._kinematics is not None:
-            self._kinematics.advance(self._period_ns * 1e-9)
-        for gripper in grippers:
+        if kinematics is not None:
+            kinematics.advance(self._period_ns * 1e-9)
+        for gripper in grippers.values():
             gripper.update()
         self.t_ns += self._period_ns
 

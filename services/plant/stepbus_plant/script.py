@@ -109,9 +109,9 @@ class Script(Remembers):
         """Execute the actions that are due at a time [ns]."""
         if self.moving:
             self._report_blows(t_ns)
-        for action in self._actions[self._done :]:
-            if action.at_ns > t_ns:
-                break
+        actions = self._actions
+        while self._done < len(actions) and actions[self._done].at_ns <= t_ns:
+            action = actions[self._done]
             self._done += 1
             if action.emergency_stop is not None:
                 self._stop.set(t_ns, "the script", self.record, active=action.emergency_stop)

@@ -1,7 +1,8 @@
 """Joint states: true ones, as the engine has them, turned into sensor readings."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -59,6 +60,10 @@ class JointSensor(Remembers):
         self._groups = [(body, [j.index for j in group]) for body, group in groups.items()]
         read = [joint for group in groups.values() for joint in group]
         self._order = None if read == self.joints else [read.index(joint) for joint in joints]
+        # Returns the engine's state of each joint.
+        self._read: Callable[[], Sequence[Any]] = self._read_groups
+        if len(groups) == 1 and self._order is None:
+            self._read = partial(self._engine.read, *self._groups[0])
         drives = [motors.drive_of[joint.name] for joint in joints]
         # The engine does not report what it applies directly.
         self._unreported = [
@@ -75,10 +80,14 @@ class JointSensor(Remembers):
 
         Raises PhysicsError when the simulation has diverged.
         """
-        states = self._read()
-        position: Values = [state[0] for state in states]
-        velocity: Values = [state[1] for state in states]
-        effort: Values = self.efforts or [state[3] for state in states]
+        position: Values = []
+        velocity: Values = []
+        effort: Values = []
+        for angle, speed, _, torque in self._read():
+            position.append(angle)
+            velocity.append(speed)
+            effort.append(torque)
+        effort = self.efforts or effort
         if not math.isfinite(sum(position) + sum(velocity)):
             self._check_finite(position, velocity)
         for number, drive, index in self._unreported:
@@ -104,12 +113,8 @@ class JointSensor(Remembers):
         """Return the torques of the latest step as the engine reports them [N·m]."""
         return [state[3] for state in self._read()]
 
-    def _read(self) -> Sequence[Any]:
-        """Return the engine's state of each joint."""
-        if len(self._groups) == 1:
-            states: Sequence[Any] = self._engine.read(*self._groups[0])
-        else:
-            states = [state for group in self._groups for state in self._engine.read(*group)]
+    def _read_groups(self) -> Sequence[Any]:
+        states = [state for group in self._groups for state in self._engine.read(*group)]
         return states if self._order is None else [states[i] for i in self._order]
 
     def _check_finite(self, position: Values, velocity: Values) -> None:

@@ -4,10 +4,10 @@ import cProfile
 
 import stepbus
 
-LIMITS = {"two_link": 285}
+LIMITS = {"two_link": 280}
 """Calls a step over the orchestrator and all participants, of Python's and of C's functions.
 
-Python 3.11 makes 233, 244 with MuJoCo; 3.12 about 4 % more, a busy machine up to 270. Where more
+Python 3.11 makes 227, 241 with MuJoCo; 3.12 about 4 % more, a busy machine up to 270. Where more
 have come, each step is dearer: see which (`python -m cProfile`) before you raise the limit.
 """
 

@@ -77,6 +77,6 @@ class Motors:
             fastest = self._fastest[motors]
             data.efc_aref[rows] += np.clip(wanted, -fastest, fastest) / self._dt
         mujoco.mj_step2(self._model, data)
-        self.torques[:] = 0.0
+        self.torques.fill(0.0)
         if motors.size:
             self.torques[motors] = data.efc_force[rows]

@@ -119,7 +119,7 @@ class MujocoEngine(Engine):
         self._motors.step(data)
         if self._reactions:
             self._feel(model, data)
-        data.qfrc_applied[:] = 0.0
+        data.qfrc_applied.fill(0.0)
 
     def _feel(self, model: Any, data: Any) -> None:
         """Keep the reactions of watched joints, as they were before the bodies moved."""
