@@ -27,6 +27,35 @@ class _Declared:
     sink: Callable[..., None]
 
 
+@dataclass(frozen=True, eq=False)
+class _Publisher:
+    """A key that one bus publishes on, and who takes it; a put has nothing to look up.
+
+    without: a bus that does not. only: one that alone does; default: all.
+    """
+
+    bus: LoopbackBus
+    key: str
+    without: LoopbackBus | None
+    only: LoopbackBus | None
+    receivers: list[_Declared]
+    subscribers: list[_Declared]
+
+    def reach(self, row: _Declared) -> None:
+        """Have one more take it, after all others, if it wants to."""
+        is_linked = row.bus is not self.without and self.only in {None, row.bus}
+        if is_linked and _matches(row.key, self.key):
+            if row.role == "receiver":
+                self.receivers.append(row)
+            elif row.role == "subscriber":
+                self.subscribers.append(row)
+
+    def forget(self, bus: LoopbackBus) -> None:
+        """Have none of a bus take it any more."""
+        for rows in (self.receivers, self.subscribers):
+            rows[:] = [row for row in rows if row.bus is not bus]
+
+
 class LoopbackBus:
     """A `Bus` without a network: samples reach their subscribers in the publisher's own thread.
 
@@ -47,7 +76,7 @@ class LoopbackBus:
         self.clock: Clock = clock if peer is None else peer.clock
         self.queue = make_queue
         self._declared: list[_Declared] = [] if peer is None else peer._declared
-        self._publishers: list[Callable[[], None]] = [] if peer is None else peer._publishers
+        self._publishers: list[_Publisher] = [] if peer is None else peer._publishers
         self._only = peer if is_leaf else None
         self.exchange: Any = None if peer is None else peer.exchange
         self._closed = False
@@ -61,34 +90,24 @@ class LoopbackBus:
 
         It raises BusError once the bus is closed.
         """
-        # The same lists for as long as the network lives, so that a put has nothing to look up.
-        receivers: list[Callable[[bytes], None]] = []
-        subscribers: list[Callable[[Sample], None]] = []
-
-        def find_subscribers() -> None:
-            receivers[:] = self._reached("receiver", key, remote=remote)
-            subscribers[:] = self._reached("subscriber", key, remote=remote)
+        receivers: list[_Declared] = []
+        subscribers: list[_Declared] = []
 
         def put(data: Any, attachment: bytes = b"") -> None:
             if self._closed:
                 raise BusError(f"{key}: the bus is closed")
             content: Any = data if isinstance(data, Envelope) else bytes(data)
-            for receive in receivers:
-                receive(content)
-            for take in subscribers:
-                take(Sample(key, content, attachment, encoding))
+            for row in receivers:
+                row.sink(content)
+            for row in subscribers:
+                row.sink(Sample(key, content, attachment, encoding))
 
-        find_subscribers()
-        self._publishers.append(find_subscribers)
-        return put
-
-    def _reached(self, role: _Role, key: str, *, remote: bool) -> list[Callable[..., None]]:
         without = self if remote else None
-        return [
-            row.sink
-            for row in self._matching(role, key)
-            if row.bus is not without and self._only in {None, row.bus}
-        ]
+        made = _Publisher(self, key, without, self._only, receivers, subscribers)
+        for row in self._declared:
+            made.reach(row)
+        self._publishers.append(made)
+        return put
 
     def subscribe(self, key: str, sink: Callable[[Sample], None]) -> None:
         """Call `sink` with each sample on a key; `*` matches one part of it."""
@@ -131,29 +150,25 @@ class LoopbackBus:
         self._closed = True
         left = [row for row in self._declared if row.bus is self]
         self._declared[:] = [row for row in self._declared if row.bus is not self]
-        self._renew_publishers()
+        self._publishers[:] = [row for row in self._publishers if row.bus is not self]
+        for publisher in self._publishers:
+            publisher.forget(self)
         for row in left:
             if row.role == "alive":
                 self._call("watcher", row.key, row.key, False)
 
     def _declare(self, role: _Role, key: str, sink: Callable[..., None]) -> None:
-        self._declared.append(_Declared(self, role, key, sink))
-        if role in {"receiver", "subscriber"}:
-            self._renew_publishers()
-
-    def _renew_publishers(self) -> None:
-        for find_subscribers in self._publishers:
-            find_subscribers()
+        row = _Declared(self, role, key, sink)
+        self._declared.append(row)
+        for publisher in self._publishers:
+            publisher.reach(row)
 
     def _call(self, role: _Role, key: str, *arguments: Any) -> int:
         """Call each sink of a role that is declared for a key; return how many they are."""
-        sinks = [row.sink for row in self._matching(role, key)]
-        for sink in sinks:
-            sink(*arguments)
-        return len(sinks)
-
-    def _matching(self, role: _Role, key: str) -> list[_Declared]:
-        return [row for row in self._declared if row.role == role and _matches(row.key, key)]
+        rows = [row for row in self._declared if row.role == role and _matches(row.key, key)]
+        for row in rows:
+            row.sink(*arguments)
+        return len(rows)
 
 
 @lru_cache(maxsize=4096)
