@@ -30,7 +30,7 @@ from stepbus_gym.policy import PolicyParticipant, checked_action
 from stepbus_gym.render import Camera, Renderer
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure
 from stepbus_orchestrator.run.episode import Episode
-from stepbus_orchestrator.run.folder import first_new
+from stepbus_orchestrator.run.folder import LOGS_FOLDER, first_new
 from stepbus_orchestrator.run.inprocess.heartbeat import Heartbeat
 from stepbus_orchestrator.run.inprocess.watch import watched_memory
 from stepbus_orchestrator.run.result import Result
@@ -404,7 +404,8 @@ class Folders:
                         prefix="gym-stepbus-", ignore_cleanup_errors=True
                     )
                 folder = Path(self._temporary.name, "run")
-                shutil.rmtree(folder, ignore_errors=True)
+                # All that a run writes which is not recorded.
+                shutil.rmtree(folder / LOGS_FOLDER, ignore_errors=True)
                 return folder
             self._parent.mkdir(parents=True, exist_ok=True)
             known = [int(path.name) for path in self._parent.iterdir() if path.name.isdigit()]
