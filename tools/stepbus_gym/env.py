@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import copy
 import dataclasses
-import gc
 import itertools
 import math
 import os
@@ -29,7 +28,7 @@ from stepbus_gym.interface import Params, PolicyPorts, Vector, bounds
 from stepbus_gym.policy import PolicyParticipant, checked_action
 from stepbus_gym.render import Camera, Renderer
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure
-from stepbus_orchestrator.run.episode import Episode
+from stepbus_orchestrator.run.episode import Episode, collect_garbage
 from stepbus_orchestrator.run.folder import LOGS_FOLDER, first_new
 from stepbus_orchestrator.run.inprocess.heartbeat import Heartbeat
 from stepbus_orchestrator.run.inprocess.watch import watched_memory
@@ -302,17 +301,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         finally:
             if self._participant is not None:
                 self._participant = episode = None
-                _collect()
-
-
-def _collect() -> None:
-    """Free what a run has left, which refers to itself, before the next one is made.
-
-    Else the parts of the next one grow old with it, and every fifty episodes the collector looks
-    through all objects of the process, which takes longer than three resets.
-    """
-    if gc.isenabled():
-        gc.collect(1)
+                collect_garbage()
 
 
 def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Scenario:
