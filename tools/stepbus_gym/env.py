@@ -28,8 +28,8 @@ from stepbus_gym.interface import Params, PolicyPorts, Vector, bounds
 from stepbus_gym.policy import PolicyParticipant, checked_action
 from stepbus_gym.render import Camera, Renderer
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure
-from stepbus_orchestrator.run.episode import Episode
-from stepbus_orchestrator.run.folder import first_new
+from stepbus_orchestrator.run.episode import Episode, collect_garbage
+from stepbus_orchestrator.run.folder import LOGS_FOLDER, first_new
 from stepbus_orchestrator.run.inprocess.heartbeat import Heartbeat
 from stepbus_orchestrator.run.inprocess.watch import watched_memory
 from stepbus_orchestrator.run.result import Result
@@ -295,8 +295,13 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
 
     def _end(self, reason: str) -> None:
         episode, self._episode = self._episode, None
-        if episode is not None and episode.step is not None:
-            self.result = episode.end(f"the episode is {reason}")
+        try:
+            if episode is not None and episode.step is not None:
+                self.result = episode.end(f"the episode is {reason}")
+        finally:
+            if self._participant is not None:
+                self._participant = episode = None
+                collect_garbage()
 
 
 def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Scenario:
@@ -388,7 +393,8 @@ class Folders:
                         prefix="gym-stepbus-", ignore_cleanup_errors=True
                     )
                 folder = Path(self._temporary.name, "run")
-                shutil.rmtree(folder, ignore_errors=True)
+                # All that a run writes which is not recorded.
+                shutil.rmtree(folder / LOGS_FOLDER, ignore_errors=True)
                 return folder
             self._parent.mkdir(parents=True, exist_ok=True)
             known = [int(path.name) for path in self._parent.iterdir() if path.name.isdigit()]

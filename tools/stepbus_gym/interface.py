@@ -139,6 +139,10 @@ class _Array:
     count: int
 
 
+_Part = tuple[str, slice, tuple[int, ...] | None]
+"""A field of a message, which numbers of an action it takes, and in which shape; None: a list."""
+
+
 class Interface:
     """The observation and the action of one policy.
 
@@ -162,13 +166,14 @@ class Interface:
             port: description.names or list(inputs[str(description.like)].names)
             for port, description in described.items()
         }
-        self._commanded: list[_Array] = []
+        self._commanded: list[tuple[_Array, slice]] = []
         self.action: list[Field] = []
         for port, names in ports.done(params).items():
             for name in names:
                 self._plan(port, ports.forms("outputs", port)[name])
-        self._limits = [(field.low, field.high) for field in self.action]
-        self._plans = {port: self._plan_of(port) for port in ports.done(params)}
+        self._lows = [field.low for field in self.action]
+        self._highs = [field.high for field in self.action]
+        self._plans = [(port, *self._plan_of(port)) for port in ports.done(params)]
 
     # --- observations ---------------------------------------------------------------------
 
@@ -245,19 +250,15 @@ class Interface:
         """Return the messages of an action, which is clipped at its limits."""
         # Of a few numbers, this takes a tenth of what NumPy takes.
         values: list[Any] = [
-            low if value < low else min(value, high)
-            for value, (low, high) in zip(action.tolist(), self._limits, strict=True)
+            low if value < low else high if value > high else value  # noqa: FURB136  (quicker)
+            for value, low, high in zip(action.tolist(), self._lows, self._highs, strict=True)
         ]
         messages: dict[str, Message] = {}
-        at = 0
-        for port, (make, arrays) in self._plans.items():
+        for port, make, rows in self._plans:
             fields = {}
-            for array in arrays:
-                numbers = values[at : at + array.count]
-                if len(array.shape) != 1:
-                    numbers = np.reshape(numbers, array.shape).tolist()
-                fields[array.field] = numbers
-                at += array.count
+            for field, part, shape in rows:
+                numbers = values[part]
+                fields[field] = numbers if shape is None else np.reshape(numbers, shape).tolist()
             messages[port] = make(**fields)
         return messages
 
@@ -278,13 +279,13 @@ class Interface:
                     f"{name}: the limits of {field.entry or 'it'} are unknown; give "
                     f"limits={{'{name}': (lowest, highest)}}"
                 )
-        self._commanded.append(array)
+        self._commanded.append((array, slice(len(self.action), len(self.action) + array.count)))
         self.action += fields
 
-    def _plan_of(self, port: str) -> tuple[Callable[..., Message], list[_Array]]:
-        """Return what makes a message, from the arrays of the action that are returned as well."""
-        arrays = [array for array in self._commanded if array.port == port]
-        chosen = {array.field for array in arrays}
+    def _plan_of(self, port: str) -> tuple[Callable[..., Message], list[_Part]]:
+        """Return what makes a message, from the parts of the action that are returned as well."""
+        rows = [(array, part) for array, part in self._commanded if array.port == port]
+        chosen = {array.field for array, _ in rows}
         constants = {
             name: form.neutral(len(self._joints.get(port, ())))
             for name, form in self._ports.forms("outputs", port).items()
@@ -292,7 +293,8 @@ class Interface:
         }
         if self._ports.outputs[port] == _JOINT_COMMAND:
             constants["mode"] = self._params.mode
-        return partial(self._ports.types[self._ports.outputs[port]], **constants), arrays
+        parts = [(a.field, part, None if len(a.shape) == 1 else a.shape) for a, part in rows]
+        return partial(self._ports.types[self._ports.outputs[port]], **constants), parts
 
 
 def _joint(name: str, states: Sequence[Description]) -> tuple[Description, int]:

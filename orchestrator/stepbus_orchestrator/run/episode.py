@@ -2,6 +2,7 @@
 
 import atexit
 import dataclasses
+import gc
 import os
 import signal
 import sys
@@ -135,14 +136,15 @@ class Episode(RunExtension):
 
     def _switch(self, *answer: Any) -> None:
         """Run until the run needs us."""
-        streams, outer = (sys.stdout, sys.stderr), _ctrl_c.inside
-        self._caller = self._greenlet.parent = getcurrent()
+        out, err, outer, caller = sys.stdout, sys.stderr, _ctrl_c.inside, getcurrent()
+        if caller is not self._caller:
+            self._caller = self._greenlet.parent = caller
         _ctrl_c.inside = self._interrupt
         try:
             self._next.switch(*answer)
         finally:
             _ctrl_c.inside = outer
-            sys.stdout, sys.stderr = streams
+            sys.stdout, sys.stderr = out, err
         if self._greenlet.dead:
             self.step = None
             _ctrl_c.close(self)
@@ -197,7 +199,7 @@ class Episode(RunExtension):
             """
             while hub.give_turns():
                 pass
-            streams, turn = (sys.stdout, sys.stderr), words[TURN]
+            out, err, turn = sys.stdout, sys.stderr, words[TURN]
             self.step, self._next, self._is_waiting, words[TURN] = step, getcurrent(), True, 0
             left = now_s()
             local.leave()
@@ -206,7 +208,7 @@ class Episode(RunExtension):
                 local.enter()
             state.away_s += now_s() - left
             self._is_waiting, words[TURN] = False, turn
-            sys.stdout, sys.stderr = streams
+            sys.stdout, sys.stderr = out, err
             if answer is _END:
                 raise StepsOver
             return answer
@@ -248,6 +250,17 @@ class _CtrlC:
 
 
 _ctrl_c = _CtrlC()
+
+
+def collect_garbage() -> None:
+    """Free what an episode has left, which refers to itself, before the next one begins.
+
+    Else the next one grows old together with it, and at each fiftieth or so the collector looks
+    through all objects of the process, which takes longer than three resets. Where others are
+    open, it is those that would grow old.
+    """
+    if gc.isenabled() and not _ctrl_c.episodes:
+        gc.collect(1)
 
 
 @atexit.register
