@@ -114,7 +114,7 @@ class Camera(Remembers):
     two of them [ns]; None: each step. latency_ns: after which they are put out [ns].
     """
 
-    remembers = ("is_on",)
+    remembers = ("is_on", "_is_asked")
 
     def __init__(
         self, name: str, row: CameraSettings, link: Link, engine: Engine, lens: Lens
@@ -152,8 +152,8 @@ class Camera(Remembers):
 
     @property
     def is_busy(self) -> bool:
-        """Return whether it waits for requests, or has images under way: what is not saved."""
-        return self._is_triggered or bool(self._under_way)
+        """Return whether it has images under way, which are not saved."""
+        return bool(self._under_way)
 
     def images(self, t_ns: int) -> Rendering | None:
         """Return the images due at a time [ns], drawn once for all ports; None: no image is due.

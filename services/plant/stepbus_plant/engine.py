@@ -136,13 +136,20 @@ class Engine(Protocol):
         """Return what draws the images, with its version."""
         ...
 
-    def save(self) -> bytes | None:
-        """Return the state to the last bit, with contacts; None: it cannot be had."""
-        return None
+    def unsaved(self, names: Sequence[str]) -> str:
+        """Return why the state cannot be saved to the last bit; empty: it can.
+
+        names: of the bodies.
+        """
+        return ""
+
+    def save(self) -> bytes:
+        """Return the state to the last bit, with contacts."""
+        ...
 
     def restore(self, state: bytes) -> None:
         """Take what `save` returned of the same world."""
-        raise NotImplementedError(f"{len(state)} bytes for {self.name}, which saves nothing")
+        ...
 
     def close(self) -> None:
         """Let go of everything; harmless when repeated."""

@@ -74,6 +74,7 @@ class Plant(Participant):
         self._drivers = self.plant.stop.drivers
         self._is_last = config.publishes == "last"
         self._event_ports = [n for n, port in config.outputs.items() if port.type == "Event/1"]
+        self._reasons: list[str] = []
         self._warnings: list[str] = []
         self._events: list[str] = []
         try:
@@ -206,10 +207,12 @@ class Plant(Participant):
 
     def save(self) -> bytes | None:
         """Return the state of the world and of the drivers; None if it cannot be saved."""
-        plant = self.plant.save()
-        if plant is None:
+        if why := self.plant.unsaved():
+            if why not in self._reasons:
+                self._reasons.append(why)
+                warn(f"no checkpoint at {self.plant.t_ns / 1e9:.9g} s: {why}")
             return None
-        return msgspec.msgpack.encode((plant, self._warnings, self._events))
+        return msgspec.msgpack.encode((self.plant.save(), self._warnings, self._events))
 
     def restore(self, state: bytes) -> None:
         """Take a state from `save`."""

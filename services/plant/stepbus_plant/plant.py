@@ -9,7 +9,7 @@ import msgspec
 from stepbus_participant import Problems, format_duration
 from stepbus_plant.calls import Calls
 from stepbus_plant.commander import Commander, StopSwitch
-from stepbus_plant.devices import SECTIONS, Devices, mistakes
+from stepbus_plant.devices import Devices, mistakes
 from stepbus_plant.drives import Motors
 from stepbus_plant.joint import Joint
 from stepbus_plant.kinematic import NOTICE, Kinematics
@@ -120,41 +120,26 @@ class SimulatedPlant(Remembers):
             gripper.update()
         self.t_ns += self._period_ns
 
-    def save(self) -> bytes | None:
-        """Return all that the next step depends on, None where it cannot be had to the bit.
+    def unsaved(self) -> str:
+        """Return why the state cannot be saved to the last bit; empty: it can."""
+        if self._kinematics is not None:
+            return "`dynamics: off` has no state of an engine"
+        if self.script.moving:
+            return f"{next(iter(self.script.moving))} is being moved"
+        if why := self.physics.engine.unsaved(self.physics.bodies):
+            return why
+        busy = [name for name, camera in self.devices.cameras.items() if camera.is_busy]
+        return f"an image of camera {busy[0]} is on its way" if busy else ""
 
-        MuJoCo has all of it, with contacts. PyBullet's own snapshots (`saveState`, `saveBullet`)
-        live in its process, or leave out what its solver keeps of contacts from one substep to the
-        next. But a body with a fixed base that touches nothing is no more than the positions and
-        velocities of its joints, which `getJointState` and `resetJointState` carry as doubles; the
-        solver remembers nothing of motors, gears and stops. So worlds of such bodies are saved, at
-        steps without contact.
-        """
-        cameras = self.devices.cameras.values()
-        is_busy = bool(self.script.moving) or any(camera.is_busy for camera in cameras)
-        engine = self.physics.engine.save()
-        if is_busy or self._kinematics or not (engine or self._is_only_joints()):
-            return None
-        states = [self.physics.state(joint) for joint in self.physics.joints.values()]
-        return msgspec.msgpack.encode((engine, states, self.joints.applied(), super().save()))
-
-    def _is_only_joints(self) -> bool:
-        """Return whether positions and velocities of joints are all that there is."""
-        return (
-            not (self.params.script or self.script.has_moved)
-            and not any(getattr(self.world, section) for section in SECTIONS)
-            and all(body.fixed_base for body in self.world.bodies.values())
-            and not self.physics.engine.contacts()
-        )
+    def save(self) -> bytes:
+        """Return all that the next step depends on, where nothing is `unsaved`."""
+        parts = (self.physics.engine.save(), self.joints.applied(), super().save())
+        return msgspec.msgpack.encode(parts)
 
     def restore(self, state: bytes) -> None:
         """Take a state from `save`."""
-        engine, states, self.joints.efforts, saved = msgspec.msgpack.decode(state)
-        if engine is None:
-            for joint, motion in zip(self.physics.joints.values(), states, strict=True):
-                self.physics.engine.put_joint(joint.body, joint.index, *motion)
-        else:
-            self.physics.engine.restore(engine)
+        engine, self.joints.efforts, saved = msgspec.msgpack.decode(state)
+        self.physics.engine.restore(engine)
         super().restore(saved)
 
     def close(self) -> None:

@@ -76,11 +76,11 @@ class Script(Remembers):
     """The actions of a run; each is executed once, in order of time.
 
     actions: in which `check_script` finds no mistakes. jammed: joint → the position it has been
-    jammed at [rad]. moving: body → its motion, which is not saved. has_moved: whether a call has
-    moved a body. events: what has happened, one sentence each, until the plant has reported it.
+    jammed at [rad]. moving: body → its motion, which is not saved. events: what has happened, one
+    sentence each, until the plant has reported it.
     """
 
-    remembers = ("_done", "jammed", "has_moved")
+    remembers = ("_done", "jammed")
 
     def __init__(
         self,
@@ -97,11 +97,9 @@ class Script(Remembers):
         self.events: list[str] = []
         self.jammed: dict[str, float] = {}
         self.moving: dict[str, MovingBody] = {}
-        self.has_moved = False
 
     def move(self, t_ns: int, name: str, position: Point, yaw: float | None) -> None:
         """Move a body now, as a call asks; t_ns: the time [ns]."""
-        self.has_moved = True
         rpy = None if yaw is None else (0.0, 0.0, yaw)
         self.record(t_ns, self._move_body(name, position, rpy))
 

@@ -5,19 +5,24 @@ a camera does not see it. Of a file that is no STL, OBJ or DAE, it says that the
 loaded.
 """
 
+import contextlib
 import math
 import os
+import re
 import tempfile
+import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_models import RobotDescription, urdf_text
+from stepbus_models import RobotDescription, Shape, urdf_text
 from stepbus_participant import installed_version, scratch_folder
 from stepbus_plant.engine import (
     ANY_BODY,
@@ -113,6 +118,10 @@ class BulletEngine(Engine):
         self.client = _empty_client()
         self._here = {"physicsClientId": self.client}
         self._to_frame: dict[int, Pose] = {}
+        self._watched: list[Link] = []
+        self._reactions: dict[Link, Any] = {}
+        self._compounds: list[int] = []
+        self._sleepers: list[int] = []
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
         bullet.setPhysicsEngineParameter(
             deterministicOverlappingPairs=1,
@@ -126,12 +135,49 @@ class BulletEngine(Engine):
 
     def step(self) -> None:
         """Advance by one substep; raises PhysicsError when PyBullet fails."""
+        if self._reactions:
+            self._reactions = {}
         try:
             bullet.stepSimulation(self.client)
         except bullet.error as exc:
             raise PhysicsError(
                 f"PyBullet failed in a physics step: {exc}; try a smaller physics_step"
             ) from exc
+
+    def unsaved(self, names: Sequence[str]) -> str:
+        """See `Engine`.
+
+        PyBullet 3.2.7 keeps the cached points of contacts of two convex shapes, with which the next
+        substep goes on to the same bits. It does not keep how long a body has been at rest, and
+        mixes up the points of a link with several shapes, or with a concave one.
+        """
+        for body in self._sleepers:
+            return f"PyBullet does not keep how long {names[body]} has been at rest (`sleeping`)"
+        for body in self._compounds:
+            if bullet.getContactPoints(body, **self._here):
+                what = f"{names[body]}, which has a link with several shapes or a concave one"
+                return f"PyBullet does not keep the contacts of {what}"
+        return ""
+
+    def save(self) -> bytes:
+        """See `Engine`."""
+        with tempfile.TemporaryDirectory(prefix="stepbus-state-", dir=scratch_folder()) as folder:
+            file = Path(folder) / "world.bullet"
+            bullet.saveBullet(str(file), **self._here)
+            world = zlib.compress(file.read_bytes(), 1)
+        # It keeps no reactions.
+        reactions = [bullet.getJointState(*joint, self.client)[2] for joint in self._watched]
+        return msgspec.msgpack.encode((world, reactions))
+
+    def restore(self, state: bytes) -> None:
+        """See `Engine`."""
+        world, reactions = msgspec.msgpack.decode(state)
+        # In a new folder: what PyBullet has read under one name, it takes from its memory.
+        with tempfile.TemporaryDirectory(prefix="stepbus-state-", dir=scratch_folder()) as folder:
+            file = Path(folder) / "world.bullet"
+            file.write_bytes(zlib.decompress(world))
+            bullet.restoreState(fileName=str(file), **self._here)
+        self._reactions = dict(zip(self._watched, reactions, strict=True))
 
     def renderer(self) -> str:
         """See `Engine`."""
@@ -169,6 +215,9 @@ class BulletEngine(Engine):
         frictions = {f"{key}Friction": value for key, value in options.friction.items()}
         for link in range(BASE, bullet.getNumJoints(body, **self._here)):
             bullet.changeDynamics(body, link, **undamped, **frictions, **self._here)
+        shapes = [link.collisions for link in robot.links.values()]
+        if any(len(own) > 1 or any(map(_is_compound, own)) for own in shapes):
+            self._compounds.append(body)
         # By default PyBullet limits every velocity to 100 rad/s, which hides a divergence.
         bullet.changeDynamics(body, BASE, maxJointVelocity=math.inf, **self._here)
         return body
@@ -197,6 +246,7 @@ class BulletEngine(Engine):
 
     def let_sleep(self, body: int, *, now: bool = False) -> None:
         """Skip a body once it is at rest, or from now on, until something moves it."""
+        self._sleepers += [body] if self.mass((body, BASE)) else []
         state = bullet.ACTIVATION_STATE_ENABLE_SLEEPING
         state |= bullet.ACTIVATION_STATE_SLEEP if now else 0
         bullet.changeDynamics(body, BASE, activationState=state, **self._here)
@@ -274,10 +324,12 @@ class BulletEngine(Engine):
     def watch_reaction(self, joint: Link) -> None:
         """See `Engine`."""
         bullet.enableJointForceTorqueSensor(*joint, True, self.client)
+        self._watched.append(joint)
 
     def reaction(self, joint: Link) -> tuple[Array, Array]:
         """See `Engine`."""
-        values = np.array(bullet.getJointState(*joint, self.client)[2])
+        kept = self._reactions.get(joint)
+        values = np.array(kept or bullet.getJointState(*joint, self.client)[2])
         return values[:3], values[3:]
 
     # --- poses ----------------------------------------------------------------------------
@@ -345,6 +397,8 @@ class BulletEngine(Engine):
     ) -> list[Contact]:
         """See `Engine`."""
         rows = bullet.getContactPoints(bodyA=body, linkIndexA=link, **self._here)
+        # Which pair comes first depends on which touched first, and is not restored.
+        rows = sorted(rows, key=itemgetter(1, 2, 3, 4))
         return _contacts([row for row in rows if row[9] > 0.0] if are_pressed else rows)
 
     def box(self, link: Link) -> tuple[Point, Point]:
@@ -427,6 +481,17 @@ def written(robot: RobotDescription) -> Iterator[Path]:
         urdf = Path(folder) / "robot.urdf"
         urdf.write_bytes(urdf_text(robot, meshes=copies).encode())
         yield urdf
+
+
+def _is_compound(shape: Shape) -> bool:
+    """Return whether a mesh is concave, or several shapes: one for each object of an OBJ file."""
+    if shape.is_concave:
+        return True
+    if shape.kind != "mesh" or not str(shape.mesh).lower().endswith(".obj"):
+        return False
+    with contextlib.suppress(OSError):
+        return len(re.findall(rb"^o ", Path(shape.mesh).read_bytes(), re.MULTILINE)) > 1
+    return False
 
 
 def _contacts(rows: Iterable[Any]) -> list[Contact]:
