@@ -20,6 +20,7 @@ from stepbus_participant import (
 from stepbus_plant.camera import TYPES
 from stepbus_plant.commander import Commander
 from stepbus_plant.devices import COMMANDS, STATES, period_problem
+from stepbus_plant.engine import PhysicsError
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.poses import PLANOGRAM, Planogram, PoseSensor
@@ -207,12 +208,18 @@ class Plant(Participant):
 
     def save(self) -> bytes | None:
         """Return the state of the world and of the drivers; None if it cannot be saved."""
-        if why := self.plant.unsaved():
-            if why not in self._reasons:
-                self._reasons.append(why)
-                warn(f"no checkpoint at {self.plant.t_ns / 1e9:.9g} s: {why}")
-            return None
-        return msgspec.msgpack.encode((self.plant.save(), self._warnings, self._events))
+        why = self.plant.unsaved()
+        if not why:
+            try:
+                state = self.plant.save()
+                return msgspec.msgpack.encode((state, self._warnings, self._events))
+            except (OSError, PhysicsError) as exc:
+                # A run does not end for want of a checkpoint.
+                why = str(exc)
+        if why not in self._reasons:
+            self._reasons.append(why)
+            warn(f"no checkpoint at {self.plant.t_ns / 1e9:.9g} s: {why}")
+        return None
 
     def restore(self, state: bytes) -> None:
         """Take a state from `save`."""

@@ -3,6 +3,7 @@ import re
 
 import pytest
 from support.services.control import TWO_LINK, Stand, make_config
+from support.tools import needs_pybullet
 
 from stepbus_participant import CallError
 from stepbus_plant import Plant
@@ -133,6 +134,17 @@ def test_a_body_that_was_moved_is_where_it_was_put():
     other.restore(participant.save())
     readings = [PoseSensor(one.plant.physics).sense() for one in (participant, other)]
     assert readings[0] == readings[1]
+
+
+@needs_pybullet
+def test_a_run_goes_on_without_a_checkpoint_where_its_file_cannot_be_written(monkeypatch, capfd):
+    participant = started(engine="pybullet").participant
+    module = type(participant.plant.physics.engine).__module__
+    monkeypatch.setattr(f"{module}.scratch_folder", lambda: "/nowhere")
+    assert participant.save() is None
+    assert "no checkpoint at 0 s: [Errno 2]" in capfd.readouterr().err
+    monkeypatch.undo()
+    assert participant.save() is not None
 
 
 @pytest.mark.parametrize(

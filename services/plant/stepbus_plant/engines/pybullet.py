@@ -151,8 +151,9 @@ class BulletEngine(Engine):
         substep goes on to the same bits. It does not keep how long a body has been at rest, and
         mixes up the points of a link with several shapes, or with a concave one.
         """
-        for body in self._sleepers:
-            return f"PyBullet does not keep how long {names[body]} has been at rest (`sleeping`)"
+        if self._sleepers:
+            who = names[self._sleepers[0]]
+            return f"PyBullet does not keep how long {who} has been at rest (`sleeping`)"
         for body in self._compounds:
             if bullet.getContactPoints(body, **self._here):
                 what = f"{names[body]}, which has a link with several shapes or a concave one"
@@ -160,10 +161,13 @@ class BulletEngine(Engine):
         return ""
 
     def save(self) -> bytes:
-        """See `Engine`."""
+        """See `Engine`; raises OSError and PhysicsError where its file cannot be written."""
         with tempfile.TemporaryDirectory(prefix="stepbus-state-", dir=scratch_folder()) as folder:
             file = Path(folder) / "world.bullet"
-            bullet.saveBullet(str(file), **self._here)
+            try:
+                bullet.saveBullet(str(file), **self._here)
+            except bullet.error as exc:
+                raise PhysicsError(f"PyBullet cannot write to {folder}: {exc}") from exc
             world = zlib.compress(file.read_bytes(), 1)
         # It keeps no reactions.
         reactions = [bullet.getJointState(*joint, self.client)[2] for joint in self._watched]
