@@ -48,6 +48,8 @@ class StepLoop:
         self._now_ns = bus.clock.monotonic_ns
         self._every = welcome.every
         self._first = welcome.publishes == "first"
+        has_output = type(participant).output is not Participant.output
+        self._forgot_first = bool(welcome.outputs) and has_output and not self._first
         self._token = welcome.token
         self._inputs = list(inputs.values())
         self._sources = sources
@@ -145,6 +147,11 @@ class StepLoop:
 
     def _publish(self, messages: Mapping[str, Message] | None) -> None:
         step = self.step
+        if messages is None and self._forgot_first and step.index < self._every:
+            raise OutputError(
+                f"step {step.index}: update returned nothing, and `output` is called only with "
+                "`publishes: first` in the scenario; write it there"
+            )
         self._outbox.publish(step.index, messages, step.end_reason)
         # Why the run should end is absent in all other outputs (P7.4).
         step.end_reason = None

@@ -54,3 +54,13 @@ def test_an_end_in_update_goes_out_with_the_next_outputs():
 def test_an_end_in_output_goes_out_with_these_outputs():
     outputs = run_plant(EndsInOutput, command(0), command(1), stop(2))
     assert [o.get("end") for o in outputs] == [None, "hit the floor", None]
+
+
+def test_output_that_is_never_called_is_refused():
+    with pytest.raises(RunError, match="step 0: update returned nothing, and `output` is called only"):
+        run_plant(EndsInUpdate, command(0), stop(1), publishes="last")
+
+
+def test_one_that_can_publish_in_both_ways_is_left_alone():
+    outputs = run_plant(ReturnsFromUpdate, command(0), stop(1), publishes="last")
+    assert outputs[0]["step"] == 0
