@@ -1,6 +1,7 @@
 """Reads the command that is typed, executes it, and says why it cannot be."""
 
 import difflib
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -13,13 +14,14 @@ from cyclopts import (
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import CommandBroken
+from stepbus_orchestrator.recording.source import watchers
 from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_participant import extra_hint
 from stepbus_schemas import StepbusError
 
 from .app import app_of, label, load_command, refuse
 from .options import Command
-from .terminal.output import Answer, print_error
+from .terminal.output import Answer, ReadingLine, has_screen, print_error
 from .terminal.stdout_buffer import hurry
 
 
@@ -55,6 +57,8 @@ def _executed(arguments: Sequence[str], loaded: Callable[[], None]) -> int:
     loaded()
     if command.is_run:
         hurry()
+    if has_screen(sys.stderr):
+        watchers.append(ReadingLine())
     answer = work(command)
     is_json: bool = getattr(command, "json", False)
     return answer.show(as_json=is_json) if isinstance(answer, Answer) else int(answer)

@@ -125,10 +125,7 @@ def _program(row: Mapping[str, Any]) -> str:
 
 
 def _ports(recording: Recording) -> list[TypeCount]:
-    counts: Counter[str] = Counter()
-    for piece in recording.batches(recording.ports.values()):
-        counts.update({topic: len(batch.steps) for topic, batch in piece.items()})
-    types: dict[str, list[str]] = {}
+    counts, types = recording.counts, dict[str, list[str]]()
     for topic, port in recording.ports.items():
         if port.type not in _OF_EVERY_RUN:
             types.setdefault(port.type, []).append(topic)
@@ -166,6 +163,8 @@ def _lines(info: Info) -> Iterator[str]:
 
 def shown_size(size: int) -> str:
     """Return a size [bytes] as people read it."""
+    if size >= 1e9:
+        return f"{size / 1e9:.1f} GB"
     return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.0f} kB"
 
 

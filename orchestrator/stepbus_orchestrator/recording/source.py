@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from operator import attrgetter
 from pathlib import Path
 
@@ -24,6 +24,9 @@ from stepbus_orchestrator.recording.records import (
 )
 
 _CACHE_BYTES = 8 * 1024 * 1024
+
+watchers: list[Callable[[Path, float], None]] = []
+"""Are told, while a recording is read from its start, its path and how far it is (0 to 1)."""
 
 
 class Entry(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -87,13 +90,16 @@ class Source:
         It holds one block at a time.
         """
         wanted = frozenset(self.index.channels) if channels is None else channels
-        for block in self._blocks:
-            if block.channels & wanted:
-                try:
+        try:
+            for block in self._blocks:
+                if block.channels & wanted:
                     yield from self._in_block(block, wanted)
-                except DamagedRecord as exc:
-                    self._end_before(block, exc)
-                    return
+                    for watch in watchers:
+                        watch(self._file.path, block.offset / self._file.size)
+        except DamagedRecord as exc:
+            self._end_before(block, exc)
+        for watch in watchers:
+            watch(self._file.path, 1.0)
 
     def latest(self, channels: frozenset[int], t_ns: int = LATEST_NS) -> Entry | None:
         """Return the newest message of some channels at a time or before; None without any.

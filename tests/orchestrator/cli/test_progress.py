@@ -4,11 +4,14 @@ import io
 import os
 import re
 import subprocess
+from pathlib import Path
 
 import pytest
 from support.runs.terminal import STEPBUS, at_terminal
 
 from stepbus_orchestrator.cli.terminal.live import Display, Reached
+from stepbus_orchestrator.cli.terminal.output import ReadingLine
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.reports import Progress
 
 CURSOR = re.compile(r"\x1b\[[\d;?]*[A-Zhl]")
@@ -99,3 +102,34 @@ def test_a_pipe_gets_lines_and_nothing_that_moves_a_cursor(tmp_path, variables):
     assert (done.returncode, done.stderr) == (0, "")
     assert "finished after 20 steps" in done.stdout
     assert not CURSOR.search(done.stdout)
+
+
+def test_a_long_recording_says_how_far_it_is_read_and_takes_the_line_back(capsys):
+    now = [0.0]
+    line = ReadingLine(lambda: now[0])
+    for now[0], share in [
+        (0, 0.0),
+        (1.9, 0.1),
+        (2.1, 0.2),
+        (2.2, 0.3),
+        (2.7, 0.4),
+        (3.0, 1.0),
+        (90, 0.1),
+    ]:
+        line(Path("runs/arm/run.mcap"), share)
+    shown = capsys.readouterr().err.split("\r")
+    assert [part.removesuffix("\x1b[K") for part in shown] == [
+        "", "reading runs/arm/run.mcap: 20%", "reading runs/arm/run.mcap: 40%", "",
+    ]  # fmt: skip
+
+
+def test_whoever_reads_a_recording_tells_how_far(monkeypatch, two_link_recording):
+    told = []
+    monkeypatch.setattr(
+        "stepbus_orchestrator.recording.source.watchers", [lambda *told_: told.append(told_)]
+    )
+    with Recording(two_link_recording) as recording:
+        recording.holes()
+        assert recording.counts["plant/joint_state"] == 61
+    assert told[-1] == (recording.path, 1.0)
+    assert sorted(told) == told

@@ -57,7 +57,9 @@ def test_an_end_in_output_goes_out_with_these_outputs():
 
 
 def test_output_that_is_never_called_is_refused():
-    with pytest.raises(RunError, match="step 0: update returned nothing, and `output` is called only"):
+    with pytest.raises(
+        RunError, match="step 0: update returned nothing, and `output` is called only"
+    ):
         run_plant(EndsInUpdate, command(0), stop(1), publishes="last")
 
 

@@ -4,13 +4,16 @@ import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Collection, Iterable
+import time
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
 from typing import IO, TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 _PLAIN_COLUMNS = 200
+_PATIENCE_S = 2.0
 _RED, _PLAIN = "\x1b[1;31m", "\x1b[0m"
 INDENT = "    "
 _CONTROLS = (*range(9), *range(11, 32), *range(0x7F, 0xA0), 0x2028, 0x2029)
@@ -38,6 +41,29 @@ def has_screen(stream: IO[str]) -> bool:
         return os.isatty(stream.fileno()) and os.environ.get("TERM") != "dumb"
     except (OSError, ValueError):
         return False
+
+
+class ReadingLine:
+    """Shows in one line of the standard error how far a long recording has been read."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = clock
+        self._due_s: float | None = None
+        self._is_shown = False
+
+    def __call__(self, path: Path, share: float) -> None:
+        """Show how much of it is read (0 to 1); 1: all, and the line goes."""
+        now_s = self._now_s()
+        if share == 1.0:
+            sys.stderr.write("\r\x1b[K" * self._is_shown)
+            sys.stderr.flush()
+            self._due_s, self._is_shown = None, False
+        elif self._due_s is None:
+            self._due_s = now_s + _PATIENCE_S
+        elif now_s >= self._due_s:
+            sys.stderr.write(f"\rreading {visible(str(path))}: {share:.0%}\x1b[K")
+            sys.stderr.flush()
+            self._due_s, self._is_shown = now_s + 0.5, True
 
 
 def columns() -> int:

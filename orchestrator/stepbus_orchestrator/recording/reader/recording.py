@@ -1,5 +1,6 @@
 """A recording, read lazily; also one that is cut off anywhere."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from operator import itemgetter
@@ -46,6 +47,8 @@ class Recording:
         self.metadata: Mapping[str, Mapping[str, str]] = index.metadata
         self.types = recorded_types(index.schemas.values())
         self._holes: Sequence[str] | None = None
+        self.counts: Counter[str] = Counter()
+        """Topic → how many messages it has, once `holes` has read them."""
         self.ports: Mapping[str, Port] = self._read_ports()
 
     @property
@@ -139,7 +142,9 @@ class Recording:
             index = self._source.index
             holes = Holes(index.scenario)
             for channel, step, _, data in self._source.rows():
-                holes.add(index.channels[channel].topic, step, data)
+                topic = index.channels[channel].topic
+                holes.add(topic, step, data)
+                self.counts[topic] += 1
             self._holes = holes.found
         return self._holes
 

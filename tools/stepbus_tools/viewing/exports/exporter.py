@@ -13,6 +13,7 @@ from rich.progress import Progress as Bar
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
+from stepbus_orchestrator.recording.source import watchers
 from stepbus_participant import suggest
 from stepbus_schemas import ENVELOPE_TYPES, Message, StepbusError, WiringError
 from stepbus_tools.columns import readable
@@ -92,6 +93,7 @@ def progress_bar(what: str, last_step: int) -> Iterator[Reached]:
     if not sys.stderr.isatty():
         yield lambda _step: None
         return
+    watchers.clear()
     with Bar(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=max(1, last_step))
         yield lambda step: bar.update(task, completed=step)
