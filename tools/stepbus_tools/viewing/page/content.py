@@ -1,6 +1,7 @@
 """The content of a report of one run."""
 
 import sys
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
@@ -33,39 +34,73 @@ from stepbus_tools.viewing.exports.scene_file import scene_at_end
 from stepbus_tools.viewing.history import History, read_timeline
 
 _decode = msgspec.msgpack.Decoder(StepTiming).decode
+_BINS_PER_E = 200
+_BINS = 8000
 
 
-StepTimes = Mapping[str, NDArray[np.float64]]
-"""Participant → how long it waited and computed in each step, shape (2, steps) [µs]."""
+class StepTimes:
+    """How long the steps of one participant took, in memory that does not grow [µs].
+
+    sums: of wait and compute.
+    """
+
+    def __init__(self) -> None:
+        self._steps = 0
+        self.sums = np.zeros(2)
+        self._longest = 0.0
+        # Of ln(1 + µs): half a percent each.
+        self._bins = np.zeros(_BINS, dtype=int)
+
+    def take(self, times: NDArray[np.float64]) -> None:
+        """Take some steps, shape (T, 2): wait and compute [µs]."""
+        bins = (np.log1p(times[:, 1].clip(0.0)) * _BINS_PER_E).astype(int).clip(max=_BINS - 1)
+        self._bins += np.bincount(bins, minlength=_BINS)
+        self._steps += len(times)
+        self.sums += times.sum(axis=0)
+        self._longest = max(self._longest, float(times[:, 1].max(initial=0.0)))
+
+    @property
+    def means(self) -> tuple[float, float]:
+        """Return the means of wait and compute [µs]."""
+        wait, compute = self.sums / self._steps
+        return float(wait), float(compute)
+
+    @property
+    def figures(self) -> tuple[float, float, float, float]:
+        """Return mean, 99th percentile (to half a percent) and longest compute, and mean wait."""
+        place = np.searchsorted(self._bins.cumsum(), 0.99 * self._steps)
+        wait, compute = self.means
+        p99 = min(float(np.expm1((place + 0.5) / _BINS_PER_E)), self._longest)
+        return compute, p99, self._longest, wait
 
 
-def read_step_times(folder: Path) -> StepTimes:
+def read_step_times(folder: Path) -> Mapping[str, StepTimes]:
     """Return the times of all steps; none without a timing.mcap that can be read."""
-    rows: dict[str, list[NDArray[np.float64]]] = {}
+    times: defaultdict[str, StepTimes] = defaultdict(StepTimes)
     try:
         with Recording(folder / layout.TIMING_FILE) as recording:
             port = recording.ports.get("steps")
             for entry in port.entries() if port else ():
                 timing = _decode(entry.data)
-                part = np.array(timing.rows, dtype=float).reshape(-1, 3)[:, 1:].T
-                rows.setdefault(timing.participant, []).append(part * 1e-3)
+                if timing.rows:
+                    part = np.array(timing.rows, dtype=float).reshape(-1, 3)[:, 1:]
+                    times[timing.participant].take(part * 1e-3)
     except (RecordingFailed, msgspec.MsgspecError):
         pass
-    whole = {name: np.concatenate(parts, axis=1) for name, parts in rows.items()}
-    return {name: part for name, part in whole.items() if part.size}
+    return times
 
 
-def times_html(times: StepTimes) -> str:
+def times_html(times: Mapping[str, StepTimes]) -> str:
     """Return a table of participants, the slowest first."""
-    most = max(float(part.sum(axis=0).mean()) for part in times.values()) or 1.0
+    most = max(sum(one.means) for one in times.values()) or 1.0
     rows = []
-    for name, (wait, compute) in sorted(times.items(), key=lambda row: -float(row[1][1].sum())):
+    for name, one in sorted(times.items(), key=lambda row: -row[1].sums[1]):
+        wait, compute = one.means
         shares = "".join(
-            f'<i class={style} style="width:{100 * time.mean() / most:.1f}%"></i>'
+            f'<i class={style} style="width:{100 * time / most:.1f}%"></i>'
             for style, time in (("f0", compute), ("wait", wait))
         )
-        figures = (compute.mean(), np.percentile(compute, 99), compute.max(), wait.mean())
-        cells = "".join(f"<td>{in_units(float(value))}</td>" for value in figures)
+        cells = "".join(f"<td>{in_units(value)}</td>" for value in one.figures)
         rows.append(f"<tr><td>{escape(name)}</td>{cells}<td class=bar>{shares}</td></tr>")
     return (
         "<div class=scroll tabindex=0><table><tr><th>participant</th><th>compute</th><th>p99</th>"
