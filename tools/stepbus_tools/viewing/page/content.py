@@ -41,13 +41,13 @@ _BINS = 8000
 class StepTimes:
     """How long the steps of one participant took, in memory that does not grow [µs].
 
-    sums: of wait and compute.
+    sums: of wait and compute. longest: computing time of a step.
     """
 
     def __init__(self) -> None:
         self._steps = 0
         self.sums = np.zeros(2)
-        self._longest = 0.0
+        self.longest = 0.0
         # Of ln(1 + µs): half a percent each.
         self._bins = np.zeros(_BINS, dtype=int)
 
@@ -57,7 +57,7 @@ class StepTimes:
         self._bins += np.bincount(bins, minlength=_BINS)
         self._steps += len(times)
         self.sums += times.sum(axis=0)
-        self._longest = max(self._longest, float(times[:, 1].max(initial=0.0)))
+        self.longest = max(self.longest, float(times[:, 1].max(initial=0.0)))
 
     @property
     def means(self) -> tuple[float, float]:
@@ -70,8 +70,8 @@ class StepTimes:
         """Return mean, 99th percentile (to half a percent) and longest compute, and mean wait."""
         place = np.searchsorted(self._bins.cumsum(), 0.99 * self._steps)
         wait, compute = self.means
-        p99 = min(float(np.expm1((place + 0.5) / _BINS_PER_E)), self._longest)
-        return compute, p99, self._longest, wait
+        p99 = min(float(np.expm1((place + 0.5) / _BINS_PER_E)), self.longest)
+        return compute, p99, self.longest, wait
 
 
 def read_step_times(folder: Path) -> Mapping[str, StepTimes]:

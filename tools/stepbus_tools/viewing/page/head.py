@@ -80,7 +80,7 @@ def figures(run: RunPage) -> Iterator[tuple[str, str]]:
         share, what, joint = max(used)
         yield "nearest to a limit", f"{100 * share:.0f} %, {joint} {what}"
     if run.times:
-        longest, name = max((float(part[1].max()), name) for name, part in run.times.items())
+        longest, name = max((part.longest, name) for name, part in run.times.items())
         yield "longest step", f"{in_units(longest)}, {name}"
     if result is not None:
         counts = ((result.warning_count, "warning"), (len(result.faults), "fault"))
