@@ -1,17 +1,17 @@
 """The state of a participant at a checkpoint: how its objects differ from those after `start`.
 
-A state is a list of rows: number of an object, its kind, and what it has. Objects that are there
-after `start` keep their numbers, and have rows only if they have changed; so models, which nothing
-changes, are not part of it. Values in a row are as in MessagePack; a list is what `_value` makes of others.
+A state maps numbers of objects to rows: the kind of an object, and what it has. Objects that are
+there after `start` keep their numbers, and have rows only where they have changed; so models, which
+nothing changes, are not part of it. A value in a row is as in MessagePack, or a list that says what
+it is, such as `["ref", number of an object]`.
 """
 
 import copy
 import functools
 import importlib
 import json
-import math
 from collections import Counter, deque
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from enum import Enum
 from types import FunctionType, MethodType
 from typing import Any
@@ -32,12 +32,6 @@ _OURS = {"stepbus_store", "stepbus_schemas", "stepbus_kinematics"}
 """Packages whose classes and functions a state may name."""
 
 _encode = msgspec.msgpack.encode
-_ListIterator = type(iter([]))
-_NOT_YET = msgspec.Raw()
-_WHOLE = {"message", "array", "pose", "partial", "iterator", "struct"}
-"""Kinds of rows that objects are made of at once; the others are filled later."""
-
-_EMPTY: Mapping[str, Any] = {"list": list, "dict": dict, "counter": Counter, "set": set}
 
 
 class _Unsaved(Exception):
@@ -53,29 +47,30 @@ class _Objects:
 
     def __init__(self, constant: Collection[Any], first: "_Objects | None" = None) -> None:
         self.objects: list[Any] = [] if first is None else list(first.objects)
+        self.rows: dict[int, msgspec.Raw] = {}
         self._numbers = {id(x): number for number, x in enumerate(self.objects)}
         self._constant = set(map(id, constant))
-        self._known = None if first is None else len(self.objects)
+        self._known = len(self.objects)
+        self._is_first = first is None
         self._waiting: deque[int] = deque()
-        self.rows: dict[int, msgspec.Raw] = {}
 
     def describe(self, root: Any) -> None:
         """Describe an object, and all that it refers to; raises _Unsaved."""
-        self._reference(root)
+        self._refer(root)
         while self._waiting:
             number = self._waiting.popleft()
             row = self._row(self.objects[number])
-            if row is None and self._known is not None and number >= self._known:
+            if row is None and number >= self._known and not self._is_first:
                 raise _Unsaved(f"{type(self.objects[number]).__qualname__} cannot be saved")
             self.rows[number] = msgspec.Raw(_encode(row))
 
-    def _reference(self, x: Any) -> list[Any]:
+    def _refer(self, x: Any) -> list[Any]:
         number = self._numbers.get(id(x))
         if number is None:
             number = self._numbers[id(x)] = len(self.objects)
             self.objects.append(x)
         if number not in self.rows:
-            self.rows[number] = _NOT_YET
+            self.rows[number] = msgspec.Raw()
             self._waiting.append(number)
         return ["ref", number]
 
@@ -85,63 +80,87 @@ class _Objects:
         if kind in _PLAIN:
             return x
         if kind is tuple:
-            return ["tuple", [self._value(item) for item in x]]
-        if isinstance(x, Enum):
-            return ["enum", _name(kind), x.value]
-        if isinstance(x, np.generic):
-            return ["scalar", x.dtype.str, x.tobytes()]
-        if isinstance(x, tuple):
-            return ["named", _name(kind), [self._value(item) for item in x]]
-        if kind is frozenset:
-            return ["frozenset", self._sorted(x)]
-        if kind is MethodType:
-            return ["method", self._value(x.__self__), x.__name__]
-        if isinstance(x, FunctionType | type) and "<" not in x.__qualname__:
-            return ["name", _name(x)]
-        return self._reference(x)
+            return ["tuple", self._values(x)]
+        made = _VALUES.get(kind)
+        if made is not None:
+            return made(self, x)
+        for base, made in _VALUES_OF:
+            if isinstance(x, base):
+                return made(self, x)
+        return self._refer(x)
+
+    def _values(self, items: Iterable[Any]) -> list[Any]:
+        return [x if type(x) in _PLAIN else self._value(x) for x in items]
 
     def _sorted(self, items: Iterable[Any]) -> list[Any]:
         return sorted(map(self._value, items), key=_encode)
 
+    def _named(self, items: Mapping[str, Any]) -> dict[str, Any]:
+        return dict(zip(items, self._values(items.values()), strict=True))
+
+    def _pairs(self, items: Mapping[Any, Any]) -> list[Any]:
+        return [self._values(items), self._values(items.values())]
+
+    def _function(self, x: Any) -> Any:
+        return self._refer(x) if "<" in x.__qualname__ else ["name", _name(x)]
+
     def _row(self, x: Any) -> Any:
-        """Return what an object has; None: a constant."""
+        """Return what an object has; None: it is a constant, or not known."""
         kind = type(x)
         if isinstance(x, _CONSTANT) or id(x) in self._constant:
             return None
+        row = _ROWS.get(kind)
+        if row is not None:
+            return row(self, x)
         if isinstance(x, Message):
             return ["message", _name(kind), _encode(x)]
-        if kind is list:
-            return ["list", [self._value(item) for item in x]]
-        if kind is dict or kind is Counter:
-            rows = [(self._value(key), self._value(item)) for key, item in x.items()]
-            return ["dict" if kind is dict else "counter", rows]
-        if kind is np.ndarray and not x.dtype.hasobject:
-            order = "C" if x.flags.c_contiguous else "F"
-            return ["array", x.dtype.str, x.shape, order, x.tobytes(order)]
-        if kind is set:
-            return ["set", self._sorted(x)]
-        if kind is deque:
-            return ["deque", x.maxlen, [self._value(item) for item in x]]
-        if kind is _ListIterator:
-            return ["iterator", [self._value(item) for item in copy.copy(x)]]
-        if kind is pin.SE3:
-            return ["pose", x.rotation.tobytes(), x.translation.tobytes()]
-        if kind is np.random.Generator and self._numbers[id(x)] < (self._known or math.inf):
-            return ["random", json.dumps(x.bit_generator.state)]
-        if kind is functools.partial:
-            named = {key: self._value(item) for key, item in x.keywords.items()}
-            return ["partial", self._value(x.func), self._value(x.args), named]
-        if kind.__module__.partition(".")[0] in _OURS and kind is not FunctionType:
-            if "__getstate__" in kind.__dict__:
-                return ["made", _name(kind), self._value(x.__getstate__())]
-            fields = {key: self._value(item) for key, item in _fields(x).items()}
-            return ["struct" if isinstance(x, msgspec.Struct) else "object", _name(kind), fields]
-        return None
+        if kind.__module__.partition(".")[0] not in _OURS:
+            return None
+        if hasattr(x, "made_from"):
+            return ["made", _name(kind), self._value(x.made_from)]
+        if isinstance(x, msgspec.Struct):
+            return ["struct", _name(kind), self._named(msgspec.structs.asdict(x))]
+        return ["object", _name(kind), self._named(_fields(x))]
+
+    def _array(self, x: Any) -> Any:
+        order = "C" if x.flags.c_contiguous else "F"
+        return ["array", x.dtype.str, x.shape, order, x.tobytes(order)]
+
+    def _random(self, x: Any) -> Any:
+        is_new = self._numbers[id(x)] >= self._known and not self._is_first
+        return None if is_new else ["random", json.dumps(x.bit_generator.state)]
+
+
+_VALUES: Mapping[type, Callable[[_Objects, Any], Any]] = {
+    frozenset: lambda to, x: ["frozenset", to._sorted(x)],
+    MethodType: lambda to, x: ["method", to._value(x.__self__), x.__name__],
+    FunctionType: _Objects._function,
+}
+_VALUES_OF: tuple[tuple[type, Callable[[_Objects, Any], Any]], ...] = (
+    (Enum, lambda _, x: ["enum", _name(type(x)), x.value]),
+    (np.generic, lambda _, x: ["scalar", x.dtype.str, x.tobytes()]),
+    (tuple, lambda to, x: ["named", _name(type(x)), to._values(x)]),
+    (type, _Objects._function),
+)
+"""What stands for a value of these types, and for one of their subclasses."""
+
+_ROWS: Mapping[type, Callable[[_Objects, Any], Any]] = {
+    list: lambda to, x: ["list", to._values(x)],
+    dict: lambda to, x: ["dict", *to._pairs(x)],
+    Counter: lambda to, x: ["counter", *to._pairs(x)],
+    set: lambda to, x: ["set", to._sorted(x)],
+    deque: lambda to, x: ["deque", x.maxlen, to._values(x)],
+    type(iter([])): lambda to, x: ["iterator", to._values(copy.copy(x))],
+    np.ndarray: _Objects._array,
+    pin.SE3: lambda _, x: ["pose", x.rotation.tobytes("C"), x.translation.tobytes()],
+    np.random.Generator: _Objects._random,
+    functools.partial: lambda to, x: [
+        "partial", to._value(x.func), to._values(x.args), to._named(x.keywords)
+    ],
+}
 
 
 def _fields(x: Any) -> dict[str, Any]:
-    if isinstance(x, msgspec.Struct):
-        return msgspec.structs.asdict(x)
     slots = [name for kind in type(x).__mro__ for name in getattr(kind, "__slots__", ())]
     fields = {name: getattr(x, name) for name in slots if hasattr(x, name)}
     fields.update(getattr(x, "__dict__", {}))
@@ -166,93 +185,110 @@ class _Restored:
     def __init__(self, objects: Iterable[Any], rows: Mapping[int, Any]) -> None:
         self._objects = dict(enumerate(objects))
         self._rows = rows
-        self._unfilled = [number for number in rows if number in self._objects]
-        while self._unfilled:
-            number = self._unfilled.pop()
-            self._fill(self._objects[number], rows[number])
+        self._empty = [number for number in rows if number in self._objects]
+        self._last: list[tuple[Any, list[Any]]] = []
+        while self._empty:
+            number = self._empty.pop()
+            kind, *row = rows[number]
+            if kind not in _FILL:
+                raise RunError(f"the state changes a constant {kind}")
+            _FILL[kind](self, self._objects[number], *row)
+        for x, given in self._last:
+            x.__init__(*given)
 
     def _object(self, number: int) -> Any:
         if number not in self._objects:
-            row = self._rows[number]
-            self._objects[number] = self._made(row)
-            if row[0] not in _WHOLE:
-                self._unfilled.append(number)
+            kind, *row = self._rows[number]
+            self._objects[number] = _MAKE[kind](self, *row)
+            if kind in _FILL and kind != "array":
+                self._empty.append(number)
         return self._objects[number]
 
-    def _made(self, row: Any) -> Any:
-        """Return an object; one that may refer to itself is still empty."""
-        match row:
-            case "message", name, data:
-                return msgspec.msgpack.decode(data, type=_named(name))
-            case "array", dtype, shape, order, data:
-                return np.ndarray(shape, dtype, data, order=order).copy(order)
-            case "pose", rotation, translation:
-                return pin.SE3(np.frombuffer(rotation).reshape(3, 3), np.frombuffer(translation))
-            case "partial", function, values, named:
-                named = {key: self._value(item) for key, item in named.items()}
-                return functools.partial(self._value(function), *self._value(values), **named)
-            case "made" | "object", name, _:
-                return object.__new__(_named(name))
-            case "deque", most, _:
-                return deque(maxlen=most)
-            case "iterator", items:
-                return iter([self._value(item) for item in items])
-            case "struct", name, fields:
-                return _named(name)(**{key: self._value(item) for key, item in fields.items()})
-        return _EMPTY[row[0]]()
-
-    def _fill(self, x: Any, row: Any) -> None:
-        """Give an object what it had."""
-        match row:
-            case "object", _, fields:
-                for name in _fields(x).keys() - fields.keys():
-                    object.__delattr__(x, name)
-                for name, item in fields.items():
-                    object.__setattr__(x, name, self._value(item))
-            case "made", _, state:
-                x.__setstate__(self._value(state))
-            case "list", items:
-                x[:] = map(self._value, items)
-            case (("dict" | "counter"), rows):
-                x.clear()
-                x.update([(self._value(key), self._value(item)) for key, item in rows])
-            case ("set", items) | ("deque", _, items):
-                x.clear()
-                (x.update if row[0] == "set" else x.extend)(map(self._value, items))
-            case "array", dtype, shape, order, data:
-                x[...] = np.ndarray(shape, dtype, data, order=order)
-            case "random", state:
-                x.bit_generator.state = json.loads(state)
-            case _:
-                raise RunError(f"the state changes a constant {type(x).__qualname__}")
-
-    def _value(self, x: Any) -> Any:
+    def value(self, x: Any) -> Any:
         """Return the value that something in a row stands for."""
-        match x:
-            case "ref", number:
-                return self._object(number)
-            case "tuple", items:
-                return tuple(map(self._value, items))
-            case "enum", name, value:
-                return _named(name)(value)
-            case "scalar", dtype, data:
-                return np.frombuffer(data, dtype)[0]
-            case "named", name, items:
-                return _named(name)(*map(self._value, items))
-            case "frozenset", items:
-                return frozenset(map(self._value, items))
-            case "method", owner, name:
-                return getattr(self._value(owner), name)
-            case "name", name:
-                return _named(name)
-        return x
+        return _READ[x[0]](self, *x[1:]) if isinstance(x, list) else x
+
+    def values(self, items: Iterable[Any]) -> list[Any]:
+        """Return the values of a row."""
+        return list(map(self.value, items))
+
+    def named(self, items: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values of a row with names."""
+        return {name: self.value(item) for name, item in items.items()}
+
+    def set_fields(self, x: Any, _: str, fields: Mapping[str, Any]) -> None:
+        """Give an object its fields, and no others."""
+        for name in _fields(x).keys() - fields.keys():
+            object.__delattr__(x, name)
+        for name, item in fields.items():
+            object.__setattr__(x, name, self.value(item))
+
+    def set_items(self, x: Any, *items: Any) -> None:
+        """Give a container what it had."""
+        x.clear()
+        rows = self.values(items[-1])
+        if isinstance(x, dict):
+            rows = list(zip(self.values(items[0]), rows, strict=True))
+        (x.extend if isinstance(x, list | deque) else x.update)(rows)
+
+    def set_array(self, x: Any, dtype: str, shape: list[int], order: Any, data: bytes) -> None:
+        """Give an array its numbers."""
+        x[...] = np.ndarray(shape, dtype, data, order=order)
+
+    def set_random(self, x: Any, state: str) -> None:
+        """Give a random generator its state."""
+        x.bit_generator.state = json.loads(state)
+
+    def make_later(self, x: Any, _: str, given: Any) -> None:
+        """Make an object again, once all is there that it is made from."""
+        self._last.append((x, self.value(given)))
+
+
+_READ: Mapping[str, Callable[..., Any]] = {
+    "ref": lambda _, number: _._object(number),
+    "tuple": lambda of, items: tuple(of.values(items)),
+    "named": lambda of, name, items: _named(name)(*of.values(items)),
+    "frozenset": lambda of, items: frozenset(of.values(items)),
+    "enum": lambda _, name, value: _named(name)(value),
+    "scalar": lambda _, dtype, data: np.frombuffer(data, dtype)[0],
+    "method": lambda of, owner, name: getattr(of.value(owner), name),
+    "name": lambda _, name: _named(name),
+}
+_MAKE: Mapping[str, Callable[..., Any]] = {
+    "list": lambda *_: [],
+    "dict": lambda *_: {},
+    "counter": lambda *_: Counter(),
+    "set": lambda *_: set(),
+    "deque": lambda _, most, __: deque(maxlen=most),
+    "object": lambda _, name, __: object.__new__(_named(name)),
+    "made": lambda _, name, __: object.__new__(_named(name)),
+    "iterator": lambda of, items: iter(of.values(items)),
+    "message": lambda _, name, data: msgspec.msgpack.decode(data, type=_named(name)),
+    "struct": lambda of, name, fields: _named(name)(**of.named(fields)),
+    "array": lambda _, dtype, shape, order, data: np.ndarray(
+        shape, dtype, data, order=order
+    ).copy(order),
+    "pose": lambda _, rotation, translation: pin.SE3(
+        np.frombuffer(rotation).reshape(3, 3), np.frombuffer(translation)
+    ),
+    "partial": lambda of, function, items, named: functools.partial(
+        of.value(function), *of.values(items), **of.named(named)
+    ),
+}
+_FILL: Mapping[str, Callable[..., None]] = {
+    **dict.fromkeys(("list", "dict", "counter", "set", "deque"), _Restored.set_items),
+    "object": _Restored.set_fields,
+    "made": _Restored.make_later,
+    "array": _Restored.set_array,
+    "random": _Restored.set_random,
+}
 
 
 class Remembering(Participant):
     """A participant that saves all that has changed since its `start`, which ends with `remember`.
 
-    It may have objects of this package and of NumPy, containers, poses and messages. A class that
-    has others defines `__getstate__` and `__setstate__`. What is there after `start` may have any.
+    That may be objects of our classes and of NumPy, containers, poses and messages. An object that
+    has others keeps the arguments that it is made from, as `made_from`, and is made again.
     """
 
     _reasons: frozenset[str] = frozenset()
@@ -279,4 +315,4 @@ class Remembering(Participant):
 
     def restore(self, state: bytes) -> None:
         """Change all objects as `save` has found them."""
-        _Restored(self._first.objects, msgspec.msgpack.decode(state))
+        _Restored(self._first.objects, msgspec.msgpack.decode(state, strict=False))

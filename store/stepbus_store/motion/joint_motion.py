@@ -126,7 +126,7 @@ class Motion:
     def __init__(
         self, start: JointMotion, goal: Vector | None, limits: MotionLimits, least_duration: float
     ) -> None:
-        self._given = start, goal, limits, least_duration
+        self.made_from = start, goal, limits, least_duration
         given = _input(start, limits)
         if goal is None:
             given.control_interface = ruckig.ControlInterface.Velocity
@@ -140,12 +140,6 @@ class Motion:
         self._trajectory = _calculated(given)
         self.duration: float = self._trajectory.duration
         self._latest: tuple[float, JointMotion] | None = None
-
-    def __getstate__(self) -> tuple[Any, ...]:
-        return self._given
-
-    def __setstate__(self, given: tuple[Any, ...]) -> None:
-        Motion.__init__(self, *given)
 
     def at(self, t: float) -> JointMotion:
         """Return the joints at a time since its start [s]; a step asks several times for one."""
