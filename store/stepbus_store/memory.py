@@ -10,9 +10,11 @@ import copy
 import functools
 import importlib
 import json
+import zlib
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Mapping
 from enum import Enum
+from pathlib import Path
 from types import FunctionType, MethodType
 from typing import Any
 
@@ -114,8 +116,10 @@ class _Objects:
             return row(self, x)
         if isinstance(x, Message):
             return ["message", _name(kind), _encode(x)]
-        if kind.__module__.partition(".")[0] not in _OURS:
-            return None
+        return self._object(x) if _is_ours(kind) else None
+
+    def _object(self, x: Any) -> list[Any]:
+        kind = type(x)
         if hasattr(x, "made_from"):
             return ["made", _name(kind), self._value(x.made_from)]
         if isinstance(x, msgspec.Struct):
@@ -139,6 +143,7 @@ _VALUES: Mapping[type, Callable[[_Objects, Any], Any]] = {
 _VALUES_OF: tuple[tuple[type, Callable[[_Objects, Any], Any]], ...] = (
     (Enum, lambda _, x: ["enum", _name(type(x)), x.value]),
     (np.generic, lambda _, x: ["scalar", x.dtype.str, x.tobytes()]),
+    (Path, lambda _, x: ["path", str(x)]),
     (tuple, lambda to, x: ["named", _name(type(x)), to._values(x)]),
     (type, _Objects._function),
 )
@@ -155,7 +160,10 @@ _ROWS: Mapping[type, Callable[[_Objects, Any], Any]] = {
     pin.SE3: lambda _, x: ["pose", x.rotation.tobytes("C"), x.translation.tobytes()],
     np.random.Generator: _Objects._random,
     functools.partial: lambda to, x: [
-        "partial", to._value(x.func), to._values(x.args), to._named(x.keywords)
+        "partial",
+        to._value(x.func),
+        to._values(x.args),
+        to._named(x.keywords),
     ],
 }
 
@@ -171,12 +179,18 @@ def _name(x: Any) -> str:
     return f"{x.__module__}:{x.__qualname__}"
 
 
+def _is_ours(x: Any) -> bool:
+    return x.__module__.partition(".")[0] in _OURS
+
+
 def _named(name: str) -> Any:
     """Return what `_name` names; raises RunError for what is none of ours."""
     module, _, path = name.partition(":")
-    if module.partition(".")[0] not in _OURS:
-        raise RunError(f"the state names {name}")
-    return functools.reduce(getattr, path.split("."), importlib.import_module(module))
+    if module.partition(".")[0] in _OURS:
+        found: Any = functools.reduce(getattr, path.split("."), importlib.import_module(module))
+        if isinstance(found, FunctionType | type) and _name(found) == name:
+            return found
+    raise RunError(f"the state names {name}")
 
 
 class _Restored:
@@ -228,8 +242,9 @@ class _Restored:
         x.clear()
         rows = self.values(items[-1])
         if isinstance(x, dict):
-            rows = list(zip(self.values(items[0]), rows, strict=True))
-        (x.extend if isinstance(x, list | deque) else x.update)(rows)
+            dict.update(x, zip(self.values(items[0]), rows, strict=True))
+        else:
+            (x.update if isinstance(x, set) else x.extend)(rows)
 
     def set_array(self, x: Any, dtype: str, shape: list[int], order: Any, data: bytes) -> None:
         """Give an array its numbers."""
@@ -250,6 +265,7 @@ _READ: Mapping[str, Callable[..., Any]] = {
     "named": lambda of, name, items: _named(name)(*of.values(items)),
     "frozenset": lambda of, items: frozenset(of.values(items)),
     "enum": lambda _, name, value: _named(name)(value),
+    "path": lambda _, text: Path(text),
     "scalar": lambda _, dtype, data: np.frombuffer(data, dtype)[0],
     "method": lambda of, owner, name: getattr(of.value(owner), name),
     "name": lambda _, name: _named(name),
@@ -265,9 +281,9 @@ _MAKE: Mapping[str, Callable[..., Any]] = {
     "iterator": lambda of, items: iter(of.values(items)),
     "message": lambda _, name, data: msgspec.msgpack.decode(data, type=_named(name)),
     "struct": lambda of, name, fields: _named(name)(**of.named(fields)),
-    "array": lambda _, dtype, shape, order, data: np.ndarray(
-        shape, dtype, data, order=order
-    ).copy(order),
+    "array": lambda _, dtype, shape, order, data: np.ndarray(shape, dtype, data, order=order).copy(
+        order
+    ),
     "pose": lambda _, rotation, translation: pin.SE3(
         np.frombuffer(rotation).reshape(3, 3), np.frombuffer(translation)
     ),
@@ -288,7 +304,8 @@ class Remembering(Participant):
     """A participant that saves all that has changed since its `start`, which ends with `remember`.
 
     That may be objects of our classes and of NumPy, containers, poses and messages. An object that
-    has others keeps the arguments that it is made from, as `made_from`, and is made again.
+    has others keeps the arguments that it is made from, as `made_from`, and is made again. What is
+    of other types after `start` must not change. A subclass elsewhere saves nothing.
     """
 
     _reasons: frozenset[str] = frozenset()
@@ -301,6 +318,8 @@ class Remembering(Participant):
 
     def save(self) -> bytes | None:
         """Return how all objects differ from those after `start`; None if it cannot be said."""
+        if not _is_ours(type(self)):
+            return None
         now = _Objects(self._constant, self._first)
         try:
             now.describe(self)
@@ -311,8 +330,9 @@ class Remembering(Participant):
                 warn(f"no checkpoint: {exc}")
             return None
         first = self._first.rows
-        return _encode({n: row for n, row in now.rows.items() if row != first.get(n)})
+        changed = {n: row for n, row in now.rows.items() if row != first.get(n)}
+        return zlib.compress(_encode(changed), 1)
 
     def restore(self, state: bytes) -> None:
         """Change all objects as `save` has found them."""
-        _Restored(self._first.objects, msgspec.msgpack.decode(state, strict=False))
+        _Restored(self._first.objects, msgspec.msgpack.decode(zlib.decompress(state), strict=False))

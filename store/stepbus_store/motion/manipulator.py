@@ -334,7 +334,7 @@ class Manipulator:
             solutions = about_as_near(solutions, rest)
         candidates: Iterator[Candidate] = itertools.islice(solutions, _MOST_CANDIDATES)
         if goal.type != "spiral":
-            # Those of a spiral take long to find; the others all at once, so that they can be saved.
+            # All at once, so that they can be saved; those of a spiral take too long for that.
             candidates = iter(list(candidates))
         if self._router is None:
             return self._search(goal, held, rest, candidates)
