@@ -83,9 +83,10 @@ class _Objects:
             return x
         if kind is tuple:
             return ["tuple", self._values(x)]
-        made = _VALUES.get(kind)
-        if made is not None:
-            return made(self, x)
+        if kind in _ROWS:
+            return self._refer(x)
+        if kind in _VALUES:
+            return _VALUES[kind](self, x)
         for base, made in _VALUES_OF:
             if isinstance(x, base):
                 return made(self, x)
@@ -168,13 +169,18 @@ _ROWS: Mapping[type, Callable[[_Objects, Any], Any]] = {
 }
 
 
+@functools.cache
+def _slots(kind: type) -> list[str]:
+    return [name for base in kind.__mro__ for name in getattr(base, "__slots__", ())]
+
+
 def _fields(x: Any) -> dict[str, Any]:
-    slots = [name for kind in type(x).__mro__ for name in getattr(kind, "__slots__", ())]
-    fields = {name: getattr(x, name) for name in slots if hasattr(x, name)}
+    fields = {name: getattr(x, name) for name in _slots(type(x)) if hasattr(x, name)}
     fields.update(getattr(x, "__dict__", {}))
     return {name: item for name, item in fields.items() if type(item) is not _Objects}
 
 
+@functools.cache
 def _name(x: Any) -> str:
     return f"{x.__module__}:{x.__qualname__}"
 
