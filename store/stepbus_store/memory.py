@@ -236,8 +236,10 @@ class _Restored:
         """Return the values of a row with names."""
         return {name: self.value(item) for name, item in items.items()}
 
-    def set_fields(self, x: Any, _: str, fields: Mapping[str, Any]) -> None:
-        """Give an object its fields, and no others."""
+    def set_fields(self, x: Any, kind: str, fields: Mapping[str, Any]) -> None:
+        """Give an object its fields, and no others; raises RunError for one of another class."""
+        if kind != _name(type(x)):
+            raise RunError(f"the state has {kind} in place of {_name(type(x))}")
         for name in _fields(x).keys() - fields.keys():
             object.__delattr__(x, name)
         for name, item in fields.items():
@@ -341,4 +343,4 @@ class Remembering(Participant):
 
     def restore(self, state: bytes) -> None:
         """Change all objects as `save` has found them."""
-        _Restored(self._first.objects, msgspec.msgpack.decode(zlib.decompress(state), strict=False))
+        _Restored(self._first.objects, msgspec.msgpack.decode(zlib.decompress(state)))

@@ -125,12 +125,19 @@ def test_a_subclass_of_a_user_saves_nothing():
     ["os:system", "stepbus_store.memory:importlib.import_module", "stepbus_store.memory:zlib"],
 )
 def test_a_state_names_nothing_but_our_classes_and_functions(name):
-    state = {0: ["object", "", {"kept": ["enum", name, "true"]}]}
+    state = {0: ["object", "stepbus_store.memory:Thing", {"kept": ["enum", name, "true"]}]}
     with pytest.raises(RunError, match="the state names"):
         Thing().restore(memory.zlib.compress(msgspec.msgpack.encode(state)))
 
 
-def test_a_state_of_another_program_is_refused():
-    state = {1: ["pose", b"", b""]}
-    with pytest.raises(RunError, match="the state changes a constant"):
+@pytest.mark.parametrize(
+    ("number", "row", "problem"),
+    [
+        (1, ["pose", b"", b""], "the state changes a constant"),
+        (0, ["object", "a:B", {}], "has a:B in place of stepbus_store.memory:"),
+    ],
+)
+def test_a_state_of_another_program_is_refused(number, row, problem):
+    state = {number: row}
+    with pytest.raises(RunError, match=problem):
         Thing().restore(memory.zlib.compress(msgspec.msgpack.encode(state)))
