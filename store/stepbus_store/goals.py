@@ -10,7 +10,6 @@ from stepbus_participant import (
     Config,
     Finite,
     NonNegative,
-    Participant,
     Ports,
     Positive,
     Settings,
@@ -19,6 +18,7 @@ from stepbus_participant import (
     Vector3,
 )
 from stepbus_schemas import (
+    Description,
     Event,
     Goal,
     GoalStatus,
@@ -28,6 +28,7 @@ from stepbus_schemas import (
     RunError,
     Spiral,
 )
+from stepbus_store.memory import Remembering
 
 
 class SpiralSettings(Settings):
@@ -106,7 +107,7 @@ def _quaternion(rpy: tuple[float, float, float]) -> Quaternion:
     )
 
 
-class GoalSequence(Participant):
+class GoalSequence(Remembering):
     """Sends the next goal when the one before has succeeded, and ends the run after the last one.
 
     Input: one GoalStatus/1. Outputs: one Goal/1, and an Event/1 for every goal that is accepted or
@@ -123,6 +124,10 @@ class GoalSequence(Participant):
         self._goals = config.read(Params, ports.problems).goals
         self._number = -1
         self._reported = ""
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Begin with the first goal."""
+        self.remember()
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the next goal once the last one is over, and the event of its result."""

@@ -14,7 +14,6 @@ from stepbus_participant import (
     CallError,
     Config,
     Method,
-    Participant,
     Ports,
     SettingsError,
     Step,
@@ -38,6 +37,7 @@ from stepbus_schemas import (
     WiringError,
 )
 from stepbus_store.cause import Cause
+from stepbus_store.memory import Remembering
 from stepbus_store.mission.checks import CHECKS, CURABLE, PLANNABLE, arrived
 from stepbus_store.mission.geometry import TrueBase
 from stepbus_store.mission.inventory import Stock
@@ -80,7 +80,7 @@ class _PortNames:
         self.goal = ports.output_of("Goal/1")
 
 
-class StoreMission(Participant):
+class StoreMission(Remembering):
     """Fulfils one order after the other; any failure triggers an emergency stop and fails the run.
 
     Inputs: Poses/1, the known poses of the items: true ones from the plant, or those of a world
@@ -159,6 +159,7 @@ class StoreMission(Participant):
         names, is_true = description.names, self._settings.verification == "truth"
         frame = self._settings.prefix + self._settings.base_frame
         self._true_base = TrueBase(names.index(frame)) if is_true and frame in names else None
+        self.remember()
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the goal of a new state, and the log entries of this step."""

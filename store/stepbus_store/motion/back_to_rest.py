@@ -1,7 +1,7 @@
 """How the arm must be stowed before the base moves."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -69,7 +69,7 @@ class BackToRest:
     goal: Goal
     held: str
     arm: Manipulator
-    escapes: Iterator[_Escape] = field(init=False)
+    escapes: list[_Escape] = field(init=False)
     done: list[str] = field(default_factory=list)
     is_freeing: bool = False
     problem: str = ""
@@ -114,7 +114,8 @@ class BackToRest:
 
     def _free(self, now: Measured, t: float) -> bool:
         """Start the next motion that frees the arm; return False where none is left."""
-        for name, start in self.escapes:
+        while self.escapes:
+            name, start = self.escapes.pop(0)
             try:
                 start(now, t)
             except RunError:
@@ -124,11 +125,13 @@ class BackToRest:
             return True
         return False
 
-    def _escapes(self) -> Iterator[_Escape]:
-        yield "back", lambda _, t: self.arm.back_off(t, _BACK)
-        for up in _UP:
-            yield f"{up:g} m up", partial(self._line, inwards=0.0, up=up)
-        yield f"{_IN:g} m in", partial(self._line, inwards=_IN, up=_UP[0])
+    def _escapes(self) -> list[_Escape]:
+        ups = [(f"{up:g} m up", partial(self._line, inwards=0.0, up=up)) for up in _UP]
+        inwards = f"{_IN:g} m in", partial(self._line, inwards=_IN, up=_UP[0])
+        return [("back", self._back), *ups, inwards]
+
+    def _back(self, _: Measured, t: float) -> None:
+        self.arm.back_off(t, _BACK)
 
     def _line(self, now: Measured, t: float, *, inwards: float, up: float) -> None:
         """Start a straight line of the tip: towards the base, and up [m]."""

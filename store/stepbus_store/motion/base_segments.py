@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -137,22 +138,22 @@ PlannedSegment = Callable[[BaseState], Segment | None]
 
 def straight(length: float) -> PlannedSegment:
     """Return a line along the heading that the base then has [m]."""
+    return partial(_ahead, length=length)
 
-    def plan(now: BaseState) -> Segment | None:
-        x, y = now.x + length * math.cos(now.yaw), now.y + length * math.sin(now.yaw)
-        return _line(now, now.yaw, x, y, back=length < 0.0)
 
-    return plan
+def _ahead(now: BaseState, length: float) -> Segment | None:
+    x, y = now.x + length * math.cos(now.yaw), now.y + length * math.sin(now.yaw)
+    return _line(now, now.yaw, x, y, back=length < 0.0)
 
 
 def straight_to(x: float, y: float, *, back: bool) -> PlannedSegment:
     """Return the straight line to a point [m], forwards or backwards."""
+    return partial(_to, x=x, y=y, back=back)
 
-    def plan(now: BaseState) -> Segment | None:
-        heading = math.atan2(y - now.y, x - now.x) + (math.pi if back else 0.0)
-        return _line(now, now.yaw + wrapped(heading - now.yaw), x, y, back=back)
 
-    return plan
+def _to(now: BaseState, x: float, y: float, *, back: bool) -> Segment | None:
+    heading = math.atan2(y - now.y, x - now.x) + (math.pi if back else 0.0)
+    return _line(now, now.yaw + wrapped(heading - now.yaw), x, y, back=back)
 
 
 def _line(now: BaseState, yaw: float, x: float, y: float, *, back: bool) -> Segment | None:
@@ -163,12 +164,16 @@ def _line(now: BaseState, yaw: float, x: float, y: float, *, back: bool) -> Segm
 
 def turn_by(angle: float) -> PlannedSegment:
     """Return a turn by an angle [rad]."""
-    return lambda now: _turn(now, angle)
+    return partial(_turn, angle=angle)
 
 
 def turn_to(yaw: float) -> PlannedSegment:
     """Return the shorter turn to a heading [rad]."""
-    return lambda now: _turn(now, wrapped(yaw - now.yaw))
+    return partial(_turn_to, yaw=yaw)
+
+
+def _turn_to(now: BaseState, yaw: float) -> Segment | None:
+    return _turn(now, wrapped(yaw - now.yaw))
 
 
 def _turn(now: BaseState, angle: float) -> Segment | None:
@@ -190,12 +195,12 @@ def arc_direction(a: Point, b: Point) -> int:
 
 def curve(poses: Sequence[Point], *, back: bool) -> PlannedSegment:
     """Return the arcs through poses, from the first one on, wherever the base then is near it."""
+    return partial(_through, poses=poses, back=back)
 
-    def plan(now: BaseState) -> Curve:
-        yaws = [now.yaw + wrapped(poses[0][2] - now.yaw)]
-        for before, after in pairwise(poses):
-            yaws.append(yaws[-1] + wrapped(after[2] - before[2]))
-        rows = [(x, y, yaw) for (x, y, _), yaw in zip(poses, yaws, strict=True)]
-        return Curve(np.array(rows), back=back)
 
-    return plan
+def _through(now: BaseState, poses: Sequence[Point], *, back: bool) -> Curve:
+    yaws = [now.yaw + wrapped(poses[0][2] - now.yaw)]
+    for before, after in pairwise(poses):
+        yaws.append(yaws[-1] + wrapped(after[2] - before[2]))
+    rows = [(x, y, yaw) for (x, y, _), yaw in zip(poses, yaws, strict=True)]
+    return Curve(np.array(rows), back=back)

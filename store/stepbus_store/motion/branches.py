@@ -33,6 +33,7 @@ class AnalyticChain:
     """
 
     def __init__(self, robot: RobotModel, tip: str) -> None:
+        self.made_from = robot, tip
         self._robot = robot
         self._chain = robot.chain(tip)
         self._tip = robot.frame_id(tip)

@@ -117,14 +117,28 @@ class JointMotion:
 
 
 class Motion:
-    """A motion to rest in which all joints arrive together; after it they stay there.
+    """A motion to rest, the fastest one; after it they stay there.
 
-    duration: [s].
+    goal: None: wherever they come to rest. duration: [s]; at least `least_duration` [s]. Raises
+    Refused with cause no_path where no motion keeps the limits.
     """
 
-    def __init__(self, trajectory: Any) -> None:
-        self._trajectory = trajectory
-        self.duration: float = trajectory.duration
+    def __init__(
+        self, start: JointMotion, goal: Vector | None, limits: MotionLimits, least_duration: float
+    ) -> None:
+        self.made_from = start, goal, limits, least_duration
+        given = _input(start, limits)
+        if goal is None:
+            given.control_interface = ruckig.ControlInterface.Velocity
+            given.synchronization = ruckig.Synchronization.No
+        else:
+            given.target_position = goal.tolist()
+            if not start.is_moving:
+                given.synchronization = ruckig.Synchronization.Phase
+        if least_duration > 0:
+            given.minimum_duration = least_duration
+        self._trajectory = _calculated(given)
+        self.duration: float = self._trajectory.duration
         self._latest: tuple[float, JointMotion] | None = None
 
     def at(self, t: float) -> JointMotion:
@@ -149,13 +163,7 @@ def motion_to(
     From rest, the joints stay on the straight line between both. least_duration: the motion takes
     at least so long [s]. Raises Refused with cause no_path where no motion keeps the limits.
     """
-    given = _input(start, limits)
-    given.target_position = goal.tolist()
-    if not start.is_moving:
-        given.synchronization = ruckig.Synchronization.Phase
-    if least_duration > 0:
-        given.minimum_duration = least_duration
-    return _calculated(given)
+    return Motion(start, goal, limits, least_duration)
 
 
 def stop_from(start: JointMotion, limits: MotionLimits) -> Motion:
@@ -163,10 +171,7 @@ def stop_from(start: JointMotion, limits: MotionLimits) -> Motion:
 
     Raises Refused with cause no_path where no motion keeps the limits.
     """
-    given = _input(start, limits)
-    given.control_interface = ruckig.ControlInterface.Velocity
-    given.synchronization = ruckig.Synchronization.No
-    return _calculated(given)
+    return Motion(start, None, limits, 0.0)
 
 
 def _input(start: JointMotion, limits: MotionLimits) -> Any:
@@ -180,7 +185,7 @@ def _input(start: JointMotion, limits: MotionLimits) -> Any:
     return given
 
 
-def _calculated(given: Any) -> Motion:
+def _calculated(given: Any) -> Any:
     trajectory = ruckig.Trajectory(given.degrees_of_freedom)
     try:
         result = ruckig.Ruckig(given.degrees_of_freedom).calculate(given, trajectory)
@@ -189,4 +194,4 @@ def _calculated(given: Any) -> Motion:
         raise Refused(Cause.NO_PATH, f"ruckig finds no motion within the limits: {exc}") from exc
     if result != ruckig.Result.Working:
         raise Refused(Cause.NO_PATH, f"ruckig finds no motion within the limits: {result}")
-    return Motion(trajectory)
+    return trajectory

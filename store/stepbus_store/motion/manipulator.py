@@ -193,6 +193,7 @@ class Manipulator:
             self._fail(self.queries.try_next(search, exc, t))
             return
         self.queries.cancel()
+        search.candidates = iter([])
         if self._bases:
             self._ready = (parts, search)
         else:
@@ -331,7 +332,10 @@ class Manipulator:
         if self._bases:
             # Later, while the base stands, the arm may go the short way.
             solutions = about_as_near(solutions, rest)
-        candidates = itertools.islice(solutions, _MOST_CANDIDATES)
+        candidates: Iterator[Candidate] = itertools.islice(solutions, _MOST_CANDIDATES)
+        if goal.type != "spiral":
+            # All at once, so that they can be saved; those of a spiral take too long for that.
+            candidates = iter(list(candidates))
         if self._router is None:
             return self._search(goal, held, rest, candidates)
         candidate, motions = self._router.route(rest, candidates, goal.duration)

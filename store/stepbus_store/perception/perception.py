@@ -9,7 +9,6 @@ import numpy as np
 from stepbus_kinematics import JointOrder, RobotModel
 from stepbus_participant import (
     Config,
-    Participant,
     Ports,
     Step,
     installed_version,
@@ -25,6 +24,7 @@ from stepbus_schemas import (
     Poses,
     RunError,
 )
+from stepbus_store.memory import Remembering
 from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import View, make_view
 from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
@@ -32,7 +32,7 @@ from stepbus_store.perception.params import Params
 from stepbus_store.perception.truth import Truth
 
 
-class Perception(Participant):
+class Perception(Remembering):
     """Publishes the type, pose and confidence of each item it detects.
 
     Inputs: two Image/1 of one camera, colour and depth; one JointState/1; one Poses/1, whose
@@ -81,6 +81,7 @@ class Perception(Participant):
             self._start_camera(self._robot, catalog, inputs)
         else:
             self._truth = Truth(port, described.names, catalog, params.frame, params.prefix)
+        self.remember()
 
     def _start_camera(
         self, robot: RobotModel, catalog: Catalog, inputs: Mapping[str, Description]

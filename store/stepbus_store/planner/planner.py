@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stepbus_participant import Config, Participant, Ports, Step, installed_version
+from stepbus_participant import Config, Ports, Step, installed_version
 from stepbus_schemas import (
     BaseState,
     Description,
@@ -23,6 +23,7 @@ from stepbus_schemas import (
     WiringError,
 )
 from stepbus_store.cause import Cause
+from stepbus_store.memory import Remembering
 from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.lidar_view import LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
@@ -52,7 +53,7 @@ class _Pending:
     poses: Poses | None
 
 
-class Planner(Participant):
+class Planner(Remembering):
     """Plans collision-free paths of a robot's joints.
 
     Inputs: one PlanRequest/1, and one Poses/1 of all links of the world, which the sender
@@ -146,6 +147,11 @@ class Planner(Participant):
         self._obstacles = obstacles
         self._view = LidarView({port: self._mount(port, inputs[port]) for port in self._scan_ports})
         self._unknown = obstacles.unknown
+        self.remember(obstacles)
+
+    def save(self) -> bytes | None:
+        """Return the state; None while a request is in progress."""
+        return None if self._pending is not None else super().save()
 
     def _mount(self, port: str, described: Description) -> Point:
         """Return where a lidar is in the base: x, y, yaw [m, rad]."""

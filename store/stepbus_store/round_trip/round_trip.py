@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import RobotModel
-from stepbus_participant import Config, Participant, Ports, Step, installed_version, suggest
+from stepbus_participant import Config, Ports, Step, installed_version, suggest
 from stepbus_schemas import (
     Description,
     Event,
@@ -24,6 +24,7 @@ from stepbus_schemas import (
     RunError,
     WiringError,
 )
+from stepbus_store.memory import Remembering
 
 from .params import Params
 
@@ -81,7 +82,7 @@ def summary(arm: str, trips: Sequence[Trip], refused: Counter[str], tolerance: s
     return not unnamed_bad and not named_good, "; ".join(parts)
 
 
-class RoundTrip(Participant):
+class RoundTrip(Remembering):
     """Sends each arm to random poses, in turn, until it has reached the number in the scenario.
 
     Inputs: one Poses/1, the true poses from the plant, and one GoalStatus/1. Outputs: one Goal/1
@@ -129,6 +130,7 @@ class RoundTrip(Participant):
         if missing:
             raise WiringError("\n".join(missing))
         self._index = {name: known.index(link) for name, link in links.items()}
+        self.remember()
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the next goal when the last one is over, and its result."""

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import JointOrder, RobotModel, Vector
-from stepbus_participant import Config, Participant, Ports, Step, installed_version, suggest
+from stepbus_participant import Config, Ports, Step, installed_version, suggest
 from stepbus_schemas import (
     BaseState,
     Description,
@@ -21,6 +21,7 @@ from stepbus_schemas import (
     Quaternion,
     WiringError,
 )
+from stepbus_store.memory import Remembering
 from stepbus_store.poses import yaw_of
 from stepbus_store.world_model.localization import Localization
 from stepbus_store.world_model.params import Params
@@ -113,7 +114,7 @@ class _PortNames:
         self.poses = ports.output_of("Poses/1")
 
 
-class WorldModel(Participant):
+class WorldModel(Remembering):
     """Publishes the pose of the base on the map, and the estimated poses of all links on the map.
 
     Inputs: Poses/1, the planogram, once; BaseState/1, odometry; JointState/1, GripperState/1; and
@@ -170,6 +171,7 @@ class WorldModel(Participant):
             raise WiringError(f"links {', '.join(lacking)} are not in {self._params.model}")
         types = described.details.get("type", [""] * len(self._names))
         self._types = {n: t for n, t in zip(self._names, types, strict=True) if t}
+        self.remember()
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the pose of the base, and the poses of all links when they are due."""

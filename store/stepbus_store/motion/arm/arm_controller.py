@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 
 from stepbus_kinematics import SelfCollisions
-from stepbus_participant import Config, Participant, Ports, Step, installed_version
+from stepbus_participant import Config, Ports, Step, installed_version
 from stepbus_schemas import Description, Goal, JointState, Message
+from stepbus_store.memory import Remembering
 from stepbus_store.motion.arm.params import Params
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.joint_motion import ManipulatorOptions
@@ -13,7 +14,7 @@ from stepbus_store.motion.outcome import JointSensor, Measured
 from stepbus_store.motion.parts import Parts
 
 
-class ArmController(Participant):
+class ArmController(Remembering):
     """Moves the joints or frames of a robot to the newest goal.
 
     Inputs: one JointState/1 and one Goal/1. Outputs: one JointCommand/1 of mode position with
@@ -73,6 +74,7 @@ class ArmController(Participant):
             tries_unholdable=params.not_holdable == "try",
         )
         self._executor = GoalExecutor(Parts(arm=self._manipulator))
+        self.remember()
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the targets of this step, and what is new about the goal."""

@@ -11,7 +11,6 @@ import msgspec
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import (
     Config,
-    Participant,
     Ports,
     Problems,
     Step,
@@ -32,6 +31,7 @@ from stepbus_schemas import (
     RunError,
 )
 from stepbus_store.cause import Cause
+from stepbus_store.memory import Remembering
 from stepbus_store.motion.back_to_rest import StowCondition
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.executor import GoalExecutor
@@ -78,7 +78,7 @@ _PLANNED_JERK = 0.9
 """Share of the jerk limit that a motion uses: slowed down near things, it has 1.1 times as much."""
 
 
-class MobileController(Participant):
+class MobileController(Remembering):
     """Carries out the goals of an arm on a mobile base with a gripper, one at a time.
 
     Inputs: one JointState/1, BaseState/1, GripperState/1, Goal/1. Optional inputs: one Contacts/1,
@@ -164,6 +164,12 @@ class MobileController(Participant):
             ),
             self._monitor if self._ports.contacts is not None else None,
         )
+        self.remember()
+
+    def restore(self, state: bytes) -> None:
+        """Restore what `save` returned, and the load that the arm carries."""
+        super().restore(state)
+        self.robot.carry(self._arm.queries.load, self._params.tip)
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the commands of this step, and what is new about the goal."""
