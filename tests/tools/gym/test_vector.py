@@ -3,6 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import stepbus_gym
 
@@ -58,3 +59,80 @@ def test_vectors_of_1_4_and_16_make_the_same_episodes():
     assert not np.array_equal(rows[:, 0], rows[:, 1])
     for count in (1, 4):
         assert np.array_equal(rows[:, :count], episodes(count))
+
+
+class Counter(gymnasium.Env):
+    """An environment of Gymnasium's own: four steps of reward 1, as those of `episodes`."""
+
+    observation_space = action_space = gymnasium.spaces.Box(-9, 9, (2,), np.float64)
+
+    def reset(self, seed=None, options=None):
+        super().reset(seed=seed)
+        self.count = 0
+        return np.zeros(2), {"step": 0}
+
+    def step(self, action):
+        self.count += 1
+        return np.full(2, self.count), 1.0, False, self.count == 4, {"step": self.count}
+
+
+def after_the_end(env):
+    """Return what the steps at the end of an episode, and after it, give besides observations."""
+    rows = []
+    env.reset(seed=5)
+    for _ in range(6):
+        try:
+            _, rewards, ends, truncated, info = env.step(np.ones((2, 2)))
+        except AssertionError as exc:
+            rows.append(type(exc).__name__)
+            _, info = env.reset(options={"reset_mask": np.array([True, True])})
+            continue
+        last = info.get("final_info", {}).get("step")
+        rows.append(
+            [rewards.tolist(), ends.tolist(), truncated.tolist(), info["step"].tolist()]
+            + ([] if last is None else [last.tolist()])
+        )
+    env.close()
+    return rows[3:]
+
+
+YES, NO, ONE = [True, True], [False, False], [1.0, 1.0]
+STEP_1, STEP_2 = ([ONE, NO, NO, [step, step]] for step in (1, 2))
+ENDED = {
+    AutoresetMode.NEXT_STEP: [[ONE, NO, YES, [4, 4]], [[0.0, 0.0], NO, NO, [0, 0]], STEP_1],
+    AutoresetMode.SAME_STEP: [[ONE, NO, YES, [0, 0], [4, 4]], STEP_1, STEP_2],
+    AutoresetMode.DISABLED: [[ONE, NO, YES, [4, 4]], "AssertionError", STEP_1],
+}
+
+
+def one(_moment):
+    return 1.0
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_episodes_follow_one_another_as_gymnasium_has_them(mode):
+    options = {"reward": one, "duration": "20ms", "autoreset_mode": mode}
+    assert after_the_end(SyncVectorEnv([Counter] * 2, autoreset_mode=mode)) == ENDED[mode]
+    assert after_the_end(stepbus_gym.StepbusVectorEnv(2, "two_link", **options)) == ENDED[mode]
+
+
+def test_the_action_at_a_reset_is_ignored_and_the_last_observation_kept():
+    actions = np.array([1.0, 2.0])
+    alone = stepbus_gym.StepbusEnv("two_link", reward=one, duration="20ms")
+    alone.reset(seed=5)
+    last = [alone.step(actions)[0] for _ in range(4)][-1]
+    second, _ = alone.reset()
+    alone.close()
+    for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+        env = stepbus_gym.StepbusVectorEnv(
+            1, "two_link", reward=one, duration="20ms", autoreset_mode=mode
+        )
+        env.reset(seed=5)
+        *_, (observation, _, _, _, info) = [env.step(actions[None]) for _ in range(4)]
+        if mode is AutoresetMode.NEXT_STEP:
+            assert np.array_equal(observation[0], last)
+            observation = env.step(actions[None] * 2)[0]
+        else:
+            assert np.array_equal(info["final_obs"][0], last)
+        assert np.array_equal(observation[0], second)
+        env.close()

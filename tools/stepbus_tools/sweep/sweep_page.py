@@ -71,7 +71,7 @@ def _data(
 ) -> dict[str, Any]:
     names = dict.fromkeys(name for row in rows for name in row.metrics)
     columns = {name: [_number(row.metrics.get(name)) for row in rows] for name in names}
-    metrics = [n for n, values in columns.items() if any(value is not None for value in values)]
+    metrics = _numeric(rows)
     varied = {path: [_shown(row.values.get(path)) for row in rows] for path in paths}
     return {
         "axes": list(paths),
@@ -100,11 +100,10 @@ def extremes(journal: Journal, spec: Spec) -> dict[str, ResultRow]:
     """
     low: tuple[float, ResultRow] | None = None
     high: tuple[float, ResultRow] | None = None
-    metric = ""
-    for row in journal.values():
-        if row.exit_code:
-            continue  # one that does not start has no metrics to choose from
-        metric = metric or primary_metric(spec, list(row.metrics))
+    finished = [row for row in journal.values() if row.exit_code == 0]
+    # Of all of them: the metric may have raised in the first.
+    metric = primary_metric(spec, _numeric(finished))
+    for row in finished:
         value = _number(row.metrics.get(metric))
         if value is None:
             continue
@@ -114,6 +113,12 @@ def extremes(journal: Journal, spec: Spec) -> dict[str, ResultRow]:
         return {}
     best, worst = (high, low) if spec.maximize else (low, high)
     return {"best": best[1]} | ({"worst": worst[1]} if worst[1] is not best[1] else {})
+
+
+def _numeric(rows: Sequence[ResultRow]) -> list[str]:
+    """Return the metrics that are a number in some row."""
+    names = dict.fromkeys(name for row in rows for name in row.metrics)
+    return [n for n in names if any(_number(row.metrics.get(n)) is not None for row in rows)]
 
 
 def _number(value: object) -> float | None:

@@ -1,10 +1,10 @@
 """One run of a sweep, in the process of a worker."""
 
 import contextlib
-import math
 import os
 import shutil
 import signal
+import sys
 import tempfile
 import time
 from collections.abc import Mapping
@@ -104,8 +104,8 @@ class Trials:
             own, errors = self.load_metrics().of(recording)
             metrics = {**builtin_metrics(result, recording), **own}
         for name, value in metrics.items():
-            if isinstance(value, float) and not math.isfinite(value):
-                # No number to compare, and JSON has none.
+            if isinstance(value, int | float) and not abs(value) <= sys.float_info.max:
+                # No number to compare, and JSON or a double has none.
                 errors.append(f"{name} is {value}")
                 metrics[name] = None
         return ResultRow(

@@ -162,7 +162,7 @@ def test_a_recording_of_no_messages_has_empty_arrays(tmp_path):
     recording = Recording(write(tmp_path / "none.mcap", joints=("JointState/1", ["a"], [])))
     joints = recording["plant.joints"]
     assert (len(joints), joints.last_step, recording.last_step) == (0, -1, -1)
-    assert joints.t.shape == (0,)
+    assert joints.t.shape == joints.position.shape == (0,)
 
 
 def test_a_report_of_a_recording_with_images_takes_little_memory(tmp_path):
