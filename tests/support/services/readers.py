@@ -66,10 +66,13 @@ class Reader:
         return self.fall(**given)[-1][0]
 
     def colour(self):
-        """Return the name of the colour in the middle of an image."""
-        red, green, blue = self.pixel()
+        """Return the name of the colour in the middle of an image, `nothing` for the background."""
+        found = self.pixel()
+        if found is None:
+            return "nothing"
+        red, green, blue = found
         if red == green == blue:
-            return "nothing" if red == 255 else "white" if red > 150 else "grey"
+            return "white" if red > 150 else "grey" if red else "black"
         return "red" if red > 100 > max(green, blue) else f"{red} {green} {blue}"
 
 
@@ -98,7 +101,9 @@ class Bullet(Reader):
         """Return the numbers of joints, and of links, by name."""
         infos = self.infos(robot)
         root = self.p.getBodyInfo(robot)[0].decode()
-        return {i[1].decode(): i[0] for i in infos}, {root: -1} | {i[12].decode(): i[0] for i in infos}
+        return {i[1].decode(): i[0] for i in infos}, {root: -1} | {
+            i[12].decode(): i[0] for i in infos
+        }
 
     def push(self, torque=0.0, velocity=0.0, at=0.0, seconds=1.0):
         robot = self.load()
@@ -124,7 +129,11 @@ class Bullet(Reader):
 
     def joint_type(self):
         robot = self.load()
-        kinds = {self.p.JOINT_REVOLUTE: "turns", self.p.JOINT_PRISMATIC: "slides", self.p.JOINT_FIXED: "fixed"}
+        kinds = {
+            self.p.JOINT_REVOLUTE: "turns",
+            self.p.JOINT_PRISMATIC: "slides",
+            self.p.JOINT_FIXED: "fixed",
+        }
         return kinds[self.infos(robot)[self.numbers(robot)[0]["hinge"]][2]]
 
     def follower(self, position):
@@ -164,10 +173,17 @@ class Bullet(Reader):
     def pixel(self):
         self.load()
         view, projection = (matrix.T.ravel().tolist() for matrix in EYE)
-        lamp = {"lightAmbientCoeff": 1, "lightDiffuseCoeff": 0, "lightSpecularCoeff": 0, "shadow": 0}
+        lamp = {
+            "lightAmbientCoeff": 1,
+            "lightDiffuseCoeff": 0,
+            "lightSpecularCoeff": 0,
+            "shadow": 0,
+        }
         image = self.p.getCameraImage(
             PIXELS, PIXELS, view, projection, renderer=self.p.ER_TINY_RENDERER, **lamp
         )
+        if np.reshape(image[4], (PIXELS, PIXELS))[4, 4] < 0:
+            return None
         return np.reshape(image[2], (PIXELS, PIXELS, 4))[4, 4, :3].tolist()
 
 
@@ -223,7 +239,9 @@ class MuJoCo(Reader):
         spec = self.m.MjSpec.from_file(str(self.file))
         spec.compiler.fusestatic = False
         spec.body("tool").add_site(name="wrist")
-        spec.add_sensor(type=self.m.mjtSensor.mjSENS_FORCE, objtype=self.m.mjtObj.mjOBJ_SITE, objname="wrist")
+        spec.add_sensor(
+            type=self.m.mjtSensor.mjSENS_FORCE, objtype=self.m.mjtObj.mjOBJ_SITE, objname="wrist"
+        )
         model, data = self.load(spec)
         self.m.mj_step(model, data)
         return data.sensordata[2]
@@ -260,7 +278,7 @@ class MuJoCo(Reader):
         """Return the colour that is set: images need OpenGL."""
         model, _ = self.load()
         shown = model.geom_rgba[model.geom_group < SHOWN_GROUPS]
-        return [round(255 * part) for part in shown[0, :3].tolist()] if len(shown) else [255] * 3
+        return [round(255 * part) for part in shown[0, :3].tolist()] if len(shown) else None
 
 
 class Pinocchio(Reader):
@@ -323,7 +341,9 @@ class Pinocchio(Reader):
 
     def _shapes(self, kind):
         model, _ = self.load()
-        return self.pin.buildGeomFromUrdf(model, str(self.file), kind, str(self.file.parent)).geometryObjects
+        return self.pin.buildGeomFromUrdf(
+            model, str(self.file), kind, str(self.file.parent)
+        ).geometryObjects
 
     def _box(self):
         (shape,) = self._shapes(self.pin.GeometryType.COLLISION)
@@ -338,7 +358,7 @@ class Pinocchio(Reader):
 
     def pixel(self):
         shapes = list(self._shapes(self.pin.GeometryType.VISUAL))
-        return [round(255 * part) for part in shapes[0].meshColor[:3]] if shapes else [255] * 3
+        return [round(255 * part) for part in shapes[0].meshColor[:3]] if shapes else None
 
 
 class Stepbus(Reader):
@@ -384,7 +404,9 @@ class Stepbus(Reader):
         return sensed(plant, "Wrench/1").sense(advance(plant, 1).t_ns).force[2]
 
     def top(self, x=0.0, y=0.0):
-        (share,) = self.load().physics.engine.cast(np.array([[x, y, TOP]]), np.array([[x, y, -TOP]]))
+        (share,) = self.load().physics.engine.cast(
+            np.array([[x, y, TOP]]), np.array([[x, y, -TOP]])
+        )
         return None if math.isinf(share) else TOP - share * 2 * TOP
 
     def extent(self):
@@ -405,7 +427,7 @@ class Stepbus(Reader):
 
     def pixel(self):
         colours, depth = self.load().physics.engine.image((PIXELS, PIXELS), *EYE, FLAT)
-        return colours[4, 4].tolist() if depth[4, 4] < 1.0 else [255] * 3
+        return colours[4, 4].tolist() if depth[4, 4] < 1.0 else None
 
 
 class StepbusWithBullet(Stepbus):
