@@ -5,7 +5,6 @@ if there is nothing to measure. A reader that lacks a probe leaves that cell of 
 """
 
 import math
-from importlib.metadata import version
 
 import numpy as np
 
@@ -25,16 +24,12 @@ TOP = 5.0
 
 
 class Reader:
-    """Probes that follow from others. file: the robot."""
+    """Probes that follow from others. file: the robot; package, module: what must be installed."""
 
-    package = ""
+    package = module = ""
 
     def __init__(self, file):
         self.file = file
-
-    @classmethod
-    def version(cls):
-        return version(cls.package)
 
     def position(self, **given):
         """Return the position of the joint `hinge` after a push [rad or m]."""
@@ -70,16 +65,15 @@ class Reader:
         found = self.pixel()
         if found is None:
             return "nothing"
-        red, green, blue = found
-        if red == green == blue:
-            return "white" if red > 150 else "grey" if red else "black"
-        return "red" if red > 100 > max(green, blue) else f"{red} {green} {blue}"
+        grey = "white" if min(found) > 150 else "grey" if min(found) else "black"
+        bright = [name for name, part in zip(("red", "green", "blue"), found, strict=True) if part > 100]
+        return bright[0] if len(bright) == 1 else grey
 
 
 class Bullet(Reader):
     """PyBullet by itself, with the inertias of the file, which it otherwise replaces."""
 
-    package = "pybullet"
+    package = module = "pybullet"
 
     def __init__(self, file):
         from pybullet_utils.bullet_client import BulletClient
@@ -127,14 +121,10 @@ class Bullet(Reader):
     def links(self):
         return ", ".join(self.numbers(self.load())[1])
 
-    def joint_type(self):
-        robot = self.load()
-        kinds = {
-            self.p.JOINT_REVOLUTE: "turns",
-            self.p.JOINT_PRISMATIC: "slides",
-            self.p.JOINT_FIXED: "fixed",
-        }
-        return kinds[self.infos(robot)[self.numbers(robot)[0]["hinge"]][2]]
+    def freedom(self):
+        """Return the degrees of freedom of the joints."""
+        kinds = {self.p.JOINT_FIXED: 0, self.p.JOINT_SPHERICAL: 3, self.p.JOINT_PLANAR: 3}
+        return sum(kinds.get(info[2], 1) for info in self.infos(self.load()))
 
     def follower(self, position):
         robot = self.load()
@@ -154,14 +144,10 @@ class Bullet(Reader):
         ((body, _, share, *_),) = self.p.rayTestBatch([(x, y, TOP)], [(x, y, -TOP)])
         return None if body < 0 else TOP - share * 2 * TOP
 
-    def extent(self):
-        low, high = self.p.getAABB(self.load(), -1)
-        return high[1] - low[1]
-
-    def fall(self, height, seconds, velocity=0.0):
-        floor = self.file.with_name("floor.urdf")
-        floor.write_text(FLOOR)
-        self.load(floor)
+    def fall(self, height, seconds, velocity=0.0, floor=""):
+        ground = self.file.with_name("floor.urdf")
+        ground.write_text(FLOOR.replace("</link>", f"{floor}</link>"))
+        self.load(ground)
         thing, rows = self.load(at=(0, 0, height), base=False), []
         if velocity:
             self.p.resetBaseVelocity(thing, (velocity, 0, 0), (0, velocity / height, 0))
@@ -190,7 +176,7 @@ class Bullet(Reader):
 class MuJoCo(Reader):
     """MuJoCo by itself."""
 
-    package = "mujoco"
+    package = module = "mujoco"
 
     def __init__(self, file):
         import mujoco
@@ -214,7 +200,7 @@ class MuJoCo(Reader):
         return data.qpos[hinge.qposadr[0]], data.qvel[hinge.dofadr[0]]
 
     def mass(self, link):
-        return self.load()[0].body(link).mass[0]
+        return self.load()[0].body(link).mass[0] if link in self.links().split(", ") else "fused"
 
     def upper(self):
         joint = self.load()[0].joint("hinge")
@@ -224,10 +210,8 @@ class MuJoCo(Reader):
         model, _ = self.load()
         return ", ".join(model.body(n).name for n in range(1, model.nbody))
 
-    def joint_type(self):
-        model, _ = self.load()
-        kinds = {self.m.mjtJoint.mjJNT_HINGE: "turns", self.m.mjtJoint.mjJNT_SLIDE: "slides"}
-        return kinds[self.m.mjtJoint(model.joint("hinge").type[0])]
+    def freedom(self):
+        return self.load()[0].nv
 
     def follower(self, position):
         model, data = self.load()
@@ -253,15 +237,9 @@ class MuJoCo(Reader):
         share = self.m.mj_ray(model, data, [x, y, TOP], [0, 0, -1], None, 1, -1, hit)
         return None if share < 0 else TOP - share
 
-    def extent(self):
-        model, data = self.load()
-        self.m.mj_forward(model, data)
-        turn = data.geom_xmat[0].reshape(3, 3)
-        return 2 * (np.abs(turn) @ model.geom_aabb[0, 3:])[1]
-
-    def fall(self, height, seconds, velocity=0.0):
+    def fall(self, height, seconds, velocity=0.0, floor=""):
         world = self.m.MjSpec()
-        place = self.m.MjSpec.from_string(FLOOR)
+        place = self.m.MjSpec.from_string(FLOOR.replace("</link>", f"{floor}</link>"))
         world.attach(place, prefix="floor/", frame=world.worldbody.add_frame())
         thing = self.m.MjSpec.from_file(str(self.file))
         thing.worldbody.bodies[0].add_freejoint()
@@ -284,7 +262,7 @@ class MuJoCo(Reader):
 class Pinocchio(Reader):
     """Pinocchio, with coal for meshes; it simulates no contact."""
 
-    package = "pin"
+    package, module = "pin", "pinocchio"
 
     def __init__(self, file):
         import pinocchio
@@ -321,12 +299,11 @@ class Pinocchio(Reader):
 
     def links(self):
         model, _ = self.load()
-        return ", ".join(model.names[1:])
+        kind = self.pin.FrameType.BODY
+        return ", ".join(frame.name for frame in model.frames if frame.type == kind)
 
-    def joint_type(self):
-        model, _ = self.load()
-        name = model.joints[model.getJointId("hinge")].shortname()
-        return "turns" if name.startswith("JointModelR") else "slides"
+    def freedom(self):
+        return self.load()[0].nv
 
     def follower(self, position):
         model, _ = self.load()
@@ -341,20 +318,17 @@ class Pinocchio(Reader):
 
     def _shapes(self, kind):
         model, _ = self.load()
-        return self.pin.buildGeomFromUrdf(
-            model, str(self.file), kind, str(self.file.parent)
-        ).geometryObjects
-
-    def _box(self):
-        (shape,) = self._shapes(self.pin.GeometryType.COLLISION)
-        shape.geometry.computeLocalAABB()
-        return shape.geometry.aabb_local
+        found = self.pin.buildGeomFromUrdf(
+            model, str(self.file), kind, package_dirs=[str(self.file.parent)]
+        )
+        return found.geometryObjects
 
     def top(self, x=0.0, y=0.0):
-        return self._box().max_[2]
-
-    def extent(self):
-        return self._box().height()
+        """Return the top of the box around the shape: coal has no rays."""
+        shapes = self._shapes(self.pin.GeometryType.COLLISION)
+        for shape in shapes:
+            shape.geometry.computeLocalAABB()
+        return max((shape.geometry.aabb_local.max_[2] for shape in shapes), default=None)
 
     def pixel(self):
         shapes = list(self._shapes(self.pin.GeometryType.VISUAL))
@@ -364,11 +338,11 @@ class Pinocchio(Reader):
 class Stepbus(Reader):
     """The plant of stepbus with an engine."""
 
-    package, engine = "stepbus", ""
+    package = "stepbus"
 
-    def load(self, text=None, keys="fixed_base: true", world="", **more):
-        bodies = {**more, "thing": Row(text or self.file.read_text(), keys)}
-        self.plant = make(self.file.parent, self.engine, bodies, world)
+    def load(self, keys="fixed_base: true", world="", **more):
+        bodies = {**more, "thing": Row(self.file.read_text(), keys)}
+        self.plant = make(self.file.parent, self.module, bodies, world)
         return self.plant
 
     def notes(self):
@@ -390,9 +364,8 @@ class Stepbus(Reader):
     def links(self):
         return ", ".join(self.load().physics.links)
 
-    def joint_type(self):
-        kind = self.load().physics.joints["hinge"].type
-        return "slides" if kind == "prismatic" else "turns"
+    def freedom(self):
+        return len(self.load().names)
 
     def follower(self, position):
         physics = self.load().physics
@@ -409,13 +382,9 @@ class Stepbus(Reader):
         )
         return None if math.isinf(share) else TOP - share * 2 * TOP
 
-    def extent(self):
-        low, high = self.load().physics.engine.box((0, BASE))
-        return high[1] - low[1]
-
-    def fall(self, height, seconds, velocity=0.0):
-        keys = f"position: [0, 0, {height}]"
-        plant = self.load(keys=keys, ground=fixed(FLOOR))
+    def fall(self, height, seconds, velocity=0.0, floor=""):
+        ground = fixed(FLOOR.replace("</link>", f"{floor}</link>"))
+        plant = self.load(keys=f"position: [0, 0, {height}]", ground=ground)
         engine, rows = plant.physics.engine, []
         if velocity:
             place = (0.0, 0.0, height), (0.0, 0.0, 0.0, 1.0)
@@ -431,11 +400,11 @@ class Stepbus(Reader):
 
 
 class StepbusWithBullet(Stepbus):
-    engine = "pybullet"
+    module = "pybullet"
 
 
 class StepbusWithMuJoCo(Stepbus):
-    engine = "mujoco"
+    module = "mujoco"
 
 
 READERS = {
