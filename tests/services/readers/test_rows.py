@@ -32,4 +32,8 @@ def test_the_tables_of_the_page_are_those_of_the_rows():
 @pytest.mark.parametrize("told", reader_rows.TOLD, ids=lambda told: told["shown"])
 def test_what_other_tests_and_findings_show_is_there(told):
     file, _, name = told["shown"].partition("::")
-    assert f"def {name}(" in (CHECKOUT / file).read_text(encoding="utf-8") if name else (CHECKOUT / file).is_file()
+    assert (
+        f"def {name}(" in (CHECKOUT / file).read_text(encoding="utf-8")
+        if name
+        else (CHECKOUT / file).is_file()
+    )

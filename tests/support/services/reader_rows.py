@@ -14,8 +14,9 @@ from pathlib import Path
 
 import trimesh
 from scripts.pages import filled
-from stepbus_schemas.tables import table
 from support.paths import CHECKOUT
+
+from stepbus_schemas.tables import table
 
 from .readers import READERS
 
@@ -72,7 +73,7 @@ def measured(row, key, folder):
     reader = READERS[key](write(folder, row))
     try:
         value = getattr(reader, probe.pop("name"))(**probe)
-    except Exception as exc:  # noqa: BLE001  each reader has its own
+    except Exception as exc:
         if isinstance(exc, (AttributeError, NameError, TypeError)):
             raise
         return "refused", str(exc)
@@ -91,7 +92,9 @@ def expected(row, key):
 def is_same(row, found, value):
     if isinstance(found, str) or isinstance(value, str):
         return found == value
-    return math.isclose(found, value, rel_tol=row.get("within", _WITHIN), abs_tol=row.get("near", 1e-9))
+    return math.isclose(
+        found, value, rel_tol=row.get("within", _WITHIN), abs_tol=row.get("near", 1e-9)
+    )
 
 
 def difference(row, key, folder):
@@ -133,9 +136,14 @@ def tables():
     parts = {}
     for row in ROWS:
         cells = [cell(row, key) for key in READERS]
-        parts.setdefault(row["part"], []).append([f"{row['what']}: {row['asked']}", *cells, row.get("note", "")])
+        parts.setdefault(row["part"], []).append(
+            [f"{row['what']}: {row['asked']}", *cells, row.get("note", "")]
+        )
     text = "\n".join(f"### {part}\n\n{table(head, rows)}" for part, rows in parts.items())
-    told = table(["Matter", "What happens", "Shown by"], [[t["what"], t["text"], f"`{t['shown']}`"] for t in TOLD])
+    told = table(
+        ["Matter", "What happens", "Shown by"],
+        [[t["what"], t["text"], f"`{t['shown']}`"] for t in TOLD],
+    )
     return {"rows": text, "told": told}
 
 

@@ -5,10 +5,11 @@ if there is nothing to measure. A reader that lacks a probe leaves that cell of 
 """
 
 import math
+from importlib import import_module
 
 import numpy as np
 
-from stepbus_plant.engine import BASE, Light
+from stepbus_plant.engine import Light
 from stepbus_plant.geometry import projection_matrix, view_matrix
 
 from .mechanics import FLOOR, STEP, Row, advance, command, fixed, make, sensed, state
@@ -41,6 +42,10 @@ class Reader:
     def acceleration(self, torque=0.0):
         return self.push(torque, seconds=STEP)[1] / STEP
 
+    def reading(self):
+        """Return what the sensor of the joint's position gives after one step of 1 N·m [rad]."""
+        return self.push(1.0, seconds=STEP)[0]
+
     def moment(self):
         """Return the moment of inertia about `hinge`, whose axis is vertical [kg·m²]."""
         found = self.acceleration(1.0)
@@ -66,7 +71,9 @@ class Reader:
         if found is None:
             return "nothing"
         grey = "white" if min(found) > 150 else "grey" if min(found) else "black"
-        bright = [name for name, part in zip(("red", "green", "blue"), found, strict=True) if part > 100]
+        bright = [
+            name for name, part in zip(("red", "green", "blue"), found, strict=True) if part > 100
+        ]
         return bright[0] if len(bright) == 1 else grey
 
 
@@ -76,10 +83,8 @@ class Bullet(Reader):
     package = module = "pybullet"
 
     def __init__(self, file):
-        from pybullet_utils.bullet_client import BulletClient
-
         super().__init__(file)
-        self.p = BulletClient()
+        self.p = import_module("pybullet_utils.bullet_client").BulletClient()
         self.p.setTimeStep(STEP)
         self.p.setGravity(0, 0, -G)
         self.p.setAdditionalSearchPath(str(file.parent))
@@ -179,10 +184,8 @@ class MuJoCo(Reader):
     package = module = "mujoco"
 
     def __init__(self, file):
-        import mujoco
-
         super().__init__(file)
-        self.m = mujoco
+        self.m = import_module("mujoco")
 
     def load(self, spec=None):
         spec = spec or self.m.MjSpec.from_file(str(self.file))
@@ -198,6 +201,14 @@ class MuJoCo(Reader):
             data.qfrc_applied[hinge.dofadr] = torque
             self.m.mj_step(model, data)
         return data.qpos[hinge.qposadr[0]], data.qvel[hinge.dofadr[0]]
+
+    def reading(self):
+        spec, kind = self.m.MjSpec.from_file(str(self.file)), self.m.mjtSensor.mjSENS_JOINTPOS
+        spec.add_sensor(type=kind, objtype=self.m.mjtObj.mjOBJ_JOINT, objname="hinge")
+        model, data = self.load(spec)
+        data.qfrc_applied[:] = 1.0
+        self.m.mj_step(model, data)
+        return data.sensordata[0]
 
     def mass(self, link):
         return self.load()[0].body(link).mass[0] if link in self.links().split(", ") else "fused"
@@ -265,10 +276,8 @@ class Pinocchio(Reader):
     package, module = "pin", "pinocchio"
 
     def __init__(self, file):
-        import pinocchio
-
         super().__init__(file)
-        self.pin = pinocchio
+        self.pin = import_module("pinocchio")
 
     def load(self):
         model = self.pin.buildModelFromUrdf(str(self.file))
