@@ -123,11 +123,17 @@ class _Reader:
         links = {link.get("name"): self._link(link) for link in self._links}
         joints = {joint.get("name"): self._joint(joint) for joint in self._joints}
         self._refuse()
+        parents = {joint.parent for joint in joints.values()}
         for joint in filter(lambda joint: joint.moves, joints.values()):
             # Engines differ in what they do with a mass and an inertia of 0 that a joint moves.
             inertial = links[joint.child].inertial
             if inertial and not (inertial.mass or any(inertial.moments)):
                 links[joint.child] = replace(links[joint.child], inertial=None)
+            elif inertial and joint.child not in parents and _is_needle(joint, inertial):
+                self._warnings.append(
+                    f"link {joint.child!r} has no moment of inertia about the axis of joint "
+                    f"{joint.name!r}, which PyBullet does not move and MuJoCo moves at once"
+                )
         return RobotDescription(
             name=self._root.get("name", ""),
             path=self._path,
@@ -439,6 +445,17 @@ def mesh_unit(file: str) -> float:
     """
     found = _UNIT.search(Path(file).read_bytes()) if file.lower().endswith(".dae") else None
     return float(found[1]) if found else 1.0
+
+
+def _is_needle(joint: Joint, inertial: Inertial) -> bool:
+    """Return whether a mass has no moment about the axis of a joint; no where that is turned."""
+    (x, y, z), (a, b, c) = joint.axis, inertial.pose.xyz
+    xx, yy, zz, xy, xz, yz = inertial.moments
+    if joint.type == "prismatic" or (any(inertial.moments) and any(inertial.pose.rpy)):
+        return False
+    own = xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z)
+    arm = math.hypot(y * c - z * b, z * a - x * c, x * b - y * a)
+    return own + inertial.mass * arm * arm < _NOISE
 
 
 def _end(joint: Any, end: str) -> Any:

@@ -47,5 +47,10 @@ def binary_stl(file: str) -> bytes:
     """Return the triangles of a mesh file as a binary STL; raises as `load_mesh`."""
     vertices, faces = load_mesh(file)
     triangles = np.zeros(len(faces), dtype=_TRIANGLE)
-    triangles["vertices"] = vertices[faces]
+    corners = vertices[faces]
+    triangles["vertices"] = corners
+    # TinyRenderer draws what has none in black.
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    triangles["normal"] = normals / np.where(lengths, lengths, 1.0)
     return bytes(_HEADER_BYTES) + len(faces).to_bytes(_COUNT_BYTES, "little") + triangles.tobytes()

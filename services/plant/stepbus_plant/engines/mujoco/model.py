@@ -163,6 +163,9 @@ def add(world: Any, robot: RobotDescription, number: int, pose: Pose, options: L
     is_urdf = robot.format == "urdf"
     if others := _silence(spec):
         notes.append(f"actuators that act on no joint are off: {', '.join(others)}")
+    given = {tag for link in robot.links.values() for tag, value in link.contact.items() if value}
+    if unread := sorted(given - {f"{kind}_friction" for kind in _FRICTION}):
+        notes.append(f"engine mujoco does not use {', '.join(unread)} of a <contact>")
     for body in spec.bodies:
         _group(body.geoms, hides_solids=is_urdf)
     in_world = _stand(spec, notes, is_fixed=options.is_fixed)
