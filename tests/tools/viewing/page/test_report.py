@@ -199,7 +199,7 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     head = text[: text.index("<nav")]
     assert content(path.with_name("report.html"))["marks"][-1]["level"] == "failure"
     assert "--fault &#x27;freeze controller at 110&#x27;" in text
-    assert "<td>controller</td><td>338 µs</td><td>338 µs</td><td>9 ms</td>" in text
+    assert "<td>controller</td><td>338 µs</td><td>250 µs</td><td>9 ms</td>" in text
     assert "p50 80 µs, p99 900 µs, max 1.2 ms" in text
     assert '<p class="where">controller failed at step 120, t = 1.200 s</p>' in head
     assert head.index("silent for 1 s &amp; more ") < head.index("exit code 4, FAULT")
