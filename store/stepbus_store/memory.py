@@ -175,12 +175,12 @@ def _slots(kind: type) -> list[str]:
 
 
 def _fields(x: Any) -> dict[str, Any]:
-    fields = {name: getattr(x, name) for name in _slots(type(x)) if hasattr(x, name)}
+    kind: Any = type(x)
+    fields = {name: getattr(x, name) for name in _slots(kind) if hasattr(x, name)}
     fields.update(getattr(x, "__dict__", {}))
     return {name: item for name, item in fields.items() if type(item) is not _Objects}
 
 
-@functools.cache
 def _name(x: Any) -> str:
     return f"{x.__module__}:{x.__qualname__}"
 
