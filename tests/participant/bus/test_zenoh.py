@@ -1,13 +1,13 @@
 """What Zenoh does with tokens, wildcards and replies, as the notes of docs/protocol.md say."""
 
 import contextlib
-import re
 import time
+from importlib.metadata import version
 from queue import SimpleQueue
 
 import pytest
 import zenoh
-from support.paths import CHECKOUT, DOCS
+from support.paths import DOCS
 
 from stepbus_participant import Endpoint, ZenohBus
 
@@ -76,13 +76,6 @@ def test_two_replies_come_to_a_query_to_all_without_consolidation_only(sessions)
     assert counts == [1, 1, 1, 2]
 
 
-def test_the_page_has_the_version_and_the_scripts_that_show_it():
-    page = (DOCS / "protocol.md").read_text()
-    notes = page[page.index("## Notes for implementers") :]
-    (version,) = re.findall(
-        r"^eclipse-zenoh==(.*)$", (CHECKOUT / "constraints.txt").read_text(), re.MULTILINE
-    )
-    assert f"eclipse-zenoh {version}" in notes
-    scripts = re.findall(r"findings/(zenoh_\w+\.sh)", notes)
-    assert len(set(scripts)) == 3
-    assert all((CHECKOUT / "findings" / name).is_file() for name in scripts)
+def test_the_notes_are_of_the_version_that_is_tested():
+    notes = (DOCS / "protocol.md").read_text().partition("## Notes for implementers")[2]
+    assert f"What eclipse-zenoh {version('eclipse-zenoh')} does" in notes

@@ -5,6 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
+from operator import itemgetter
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -98,19 +99,14 @@ def extremes(journal: Journal, spec: Spec) -> dict[str, ResultRow]:
 
     Only `best` where all are equal; none without a metric.
     """
-    low: tuple[float, ResultRow] | None = None
-    high: tuple[float, ResultRow] | None = None
     finished = [row for row in journal.values() if row.exit_code == 0]
     # Of all of them: the metric may have raised in the first.
     metric = primary_metric(spec, _numeric(finished))
-    for row in finished:
-        value = _number(row.metrics.get(metric))
-        if value is None:
-            continue
-        low = (value, row) if low is None or value < low[0] else low
-        high = (value, row) if high is None or value > high[0] else high
-    if low is None or high is None:
+    measured = [(_number(row.metrics.get(metric)), row) for row in finished]
+    known = [(value, row) for value, row in measured if value is not None]
+    if not known:
         return {}
+    low, high = (pick(known, key=itemgetter(0)) for pick in (min, max))
     best, worst = (high, low) if spec.maximize else (low, high)
     return {"best": best[1]} | ({"worst": worst[1]} if worst[1] is not best[1] else {})
 
