@@ -295,6 +295,14 @@ class Engine(Protocol):
         """
         ...
 
+    def box(self, link: Link) -> tuple[Point, Point]:
+        """Return the lower and the upper corner of the box around a link's collision shapes [m].
+
+        It is that of the latest physics substep, and as much larger than the link as that moves in
+        a substep. That of a link without shapes is around its centre of mass.
+        """
+        ...
+
     def forget_contacts(self, link: Link) -> None:
         """Forget the contacts of a link, which the next substep then finds anew."""
 

@@ -405,13 +405,18 @@ class BulletEngine(Engine):
         rows = sorted(rows, key=itemgetter(1, 2, 3, 4))
         return _contacts([row for row in rows if row[9] > 0.0] if are_pressed else rows)
 
+    def box(self, link: Link) -> tuple[Point, Point]:
+        """See `Engine`."""
+        corners: tuple[Point, Point] = bullet.getAABB(*link, self.client)
+        return corners
+
     def closest(self, link: Link, within: float) -> list[Contact]:
         """See `Engine`.
 
         PyBullet makes boxes 20 mm larger than a link (gContactBreakingThreshold), which is more
         than it moves in a substep.
         """
-        low, high = bullet.getAABB(*link, self.client)
+        low, high = self.box(link)
         pairs = bullet.getOverlappingObjects(
             [x - within for x in low], [x + within for x in high], **self._here
         )

@@ -154,6 +154,8 @@ def test_the_nearest_points_of_two_boxes(tmp_path, engine):
     assert (nearest.one, nearest.other) == ((0, BASE), (1, BASE))
     assert (nearest.on_one[0], nearest.on_other[0]) == pytest.approx((0.1, 0.15), abs=1e-4)
     assert plant.physics.engine.closest((0, BASE), 0.04) == []
+    low, high = plant.physics.engine.box((1, BASE))
+    assert (*low, *high) == pytest.approx((0.15, -0.1, -0.1, 0.35, 0.1, 0.1), abs=0.025)
 
 
 def test_friction_is_the_same_in_every_direction(tmp_path, engine):

@@ -371,6 +371,11 @@ class MujocoEngine(Engine):
         self._looked()
         return self._shapes.closest(link, within)
 
+    def box(self, link: Link) -> tuple[Point, Point]:
+        """See `Engine`."""
+        centre = self.motion(link).centre
+        return self._shapes.box(link) or (centre, centre)
+
     def cast(self, starts: Array, ends: Array) -> Array:
         """See `Engine`."""
         self._looked()

@@ -66,6 +66,14 @@ class Shapes:
                     found.append(Contact(link, other, *points, float(distance), 0.0))
         return sorted(found, key=lambda contact: contact.other)
 
+    def box(self, link: Link) -> tuple[Point, Point] | None:
+        """Return the corners of the box around the shapes of a link [m]; None: it has none."""
+        own = np.isin(self._shapes, self._geoms.get(link, ()))
+        if not own.any():
+            return None
+        low, high = self._boxes()
+        return point(low[own].min(axis=0)), point(high[own].max(axis=0))
+
     def _boxes(self) -> tuple[Array, Array]:
         """Return the corners of the boxes of all shapes, shape (n, 3) each.
 
