@@ -77,7 +77,7 @@ def measured(row, key, folder):
         if isinstance(exc, (AttributeError, NameError, TypeError)):
             raise
         return "refused", str(exc)
-    said = "\n".join(reader.notes()) if hasattr(reader, "notes") else ""
+    said = reader.notes() if hasattr(reader, "notes") else ""
     if value is None or isinstance(value, str):
         return value or "nothing", said
     return float(value), said
