@@ -35,9 +35,9 @@ def write(folder, row):
         assert before in text, before
         text = text.replace(before, after)
     if "mesh" in row:
-        (folder / "parts").mkdir()
-        write_mesh(folder / "parts", row["mesh"])
-        text = text.replace("MESH", row.get("url", "parts/{}").format(row["mesh"], folder=folder))
+        (folder / "drawn").mkdir()
+        write_mesh(folder / "drawn", row["mesh"])
+        text = text.replace("MESH", row.get("url", "drawn/{}").format(row["mesh"], folder=folder))
     file = folder / "thing.urdf"
     file.write_text(text)
     return file

@@ -313,17 +313,17 @@ class Pinocchio(Reader):
     def shapes(self, kind):
         folders = {"package_dirs": [str(self.file.parent)]}
         found = self.pin.buildGeomFromUrdf(self.load()[0], str(self.file), kind, **folders)
-        return [shape.geometry for shape in found.geometryObjects], found.geometryObjects
+        return found.geometryObjects
 
     def top(self, x=0.0, y=0.0):
         """Return the top of the box around the shape: coal has no rays."""
-        shapes, _ = self.shapes(self.pin.GeometryType.COLLISION)
+        shapes = [shape.geometry for shape in self.shapes(self.pin.GeometryType.COLLISION)]
         for shape in shapes:
             shape.computeLocalAABB()
         return max((shape.aabb_local.max_[2] for shape in shapes), default=None)
 
     def pixel(self):
-        _, shapes = self.shapes(self.pin.GeometryType.VISUAL)
+        shapes = self.shapes(self.pin.GeometryType.VISUAL)
         return [round(255 * part) for part in shapes[0].meshColor[:3]] if len(shapes) else None
 
 

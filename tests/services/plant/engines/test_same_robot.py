@@ -59,15 +59,6 @@ def test_what_changes_nothing_changes_nothing(tmp_path, engine, before, after):
     assert acceleration == pytest.approx(G * LEVER / (MOMENT + LEVER**2), rel=1e-6)
 
 
-@pytest.mark.parametrize("axis", ["0 0 -0.5", "0 0 -3"])
-def test_a_prismatic_axis_of_any_length_falls_freely(tmp_path, engine, axis):
-    urdf = arm(axis, "prismatic", 'lower="-9" upper="9" effort="9" velocity="99"')
-    plant = advance(start(tmp_path, engine, urdf), 100)
-    assert state(plant, "hinge")[1] == pytest.approx(G * 0.1, rel=1e-6)
-    height = plant.physics.engine.frames(0, [0])[0][0][2]
-    assert height == pytest.approx(-state(plant, "hinge")[0], rel=1e-6)
-
-
 NARROW = 'lower="-0.1" upper="0.1" effort="99" velocity="99"'
 
 
@@ -172,27 +163,6 @@ def test_a_mesh_of_another_format_or_by_its_url_has_its_size(tmp_path, engine, n
     assert np.isinf(hits[1:]).all()
 
 
-OUTLINE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
-
-
-def test_rays_hit_the_hull_of_a_concave_mesh_or_itself(tmp_path, engine):
-    solid = trimesh.creation.extrude_triangulation(
-        vertices=np.array(OUTLINE, dtype=float),
-        faces=[(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)],
-        height=1.0,
-    )
-    solid.export(tmp_path / "l.stl")
-    thing = robot(link("l", 1.0, (1.0,) * 3, '<mesh filename="l.stl"/>'))
-    physics = make(tmp_path, engine, {"l": fixed(thing)}).physics
-    # In the leg, in the notch but within the hull, and outside of the hull.
-    downwards = np.array([[0.5, 0.5, 3.0], [1.2, 1.2, 3.0], [1.6, 1.6, 3.0]])
-    hits = physics.engine.cast(downwards, downwards * (1.0, 1.0, -1.0))
-    assert hits[0] == pytest.approx(1 / 3, abs=1e-3)
-    # Contacts of both are with the hull; MuJoCo's rays are with the mesh.
-    assert hits[1] == pytest.approx(1 / 3, abs=1e-3) if engine == "pybullet" else np.isinf(hits[1])
-    assert np.isinf(hits[2])
-
-
 def test_a_collision_shape_that_an_engine_drops_is_refused_by_name(tmp_path, engine):
     (tmp_path / "flat.stl").write_text("solid flat\nendsolid flat\n")
     thing = robot(link("thing", 1.0, (1.0,) * 3, '<mesh filename="flat.stl"/>'))
@@ -200,15 +170,8 @@ def test_a_collision_shape_that_an_engine_drops_is_refused_by_name(tmp_path, eng
         make(tmp_path, engine, {"thing": fixed(thing)})
 
 
-PALETTE = '<material name="paint"><color rgba="1 0 0 1"/></material>'
 WALL = '<box size="0.2 2 2"/>'
 FLAT = Light(direction=(0, 0, 1), distance=1, ambient=1, diffuse=0, specular=0, has_shadow=False)
-
-
-def middle_pixel(folder, engine, wall):
-    """Return colour and depth buffer of the middle pixel of a camera that looks at a wall."""
-    rgb, depth = look(make(folder, engine, {"wall": fixed(wall)}))
-    return rgb[4, 4].tolist(), float(depth[4, 4])
 
 
 def look(plant):
@@ -216,21 +179,6 @@ def look(plant):
     view = view_matrix((0.0, 0.0, 0.0), 3.0, math.radians(90), 0.0)
     projection = projection_matrix(1.0, 1.0, 0.1, 10.0)
     return plant.physics.engine.image((8, 8), view, projection, FLAT)
-
-
-def test_a_material_that_is_defined_once_and_used_by_name_keeps_its_colour(tmp_path, engine):
-    visual = f'<visual><geometry>{WALL}</geometry><material name="paint"/></visual>'
-    wall = robot(PALETTE, link("wall", 1.0, (1.0,) * 3, more=visual))
-    (red, green, blue), _ = middle_pixel(tmp_path, engine, wall)
-    assert red > 150
-    assert (green, blue) == (0, 0)
-
-
-def test_a_camera_sees_the_collision_shapes_of_a_link_without_a_visual_in_white(tmp_path, engine):
-    wall = robot(link("wall", 1.0, (1.0,) * 3, WALL))
-    (red, green, blue), depth = middle_pixel(tmp_path, engine, wall)
-    assert red == green == blue > 150
-    assert depth < 1.0
 
 
 def test_a_plant_that_ends_takes_no_image_of_another_one_along(tmp_path, engine):
@@ -259,15 +207,6 @@ def test_links_behind_fixed_joints_keep_their_names_masses_and_places(tmp_path, 
     assert physics.fixed == {"mount"}
     assert physics.engine.mass(physics.links["tool"]) == 0.5
     assert physics.engine.frame(physics.links["tool"])[0] == pytest.approx((0.7, 0, 0))
-
-
-def test_a_link_without_an_inertial_weighs_next_to_nothing_whatever_its_shape(tmp_path, engine):
-    ball = '<link name="bulb"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>'
-    seen = '<link name="lamp"><visual><geometry><sphere radius="0.1"/></geometry></visual></link>'
-    joints = [joint(f"to {n}", "continuous", n) for n in ("bulb", "lamp")]
-    physics = start(tmp_path, engine, robot(ROOT, ball, seen, *joints)).physics
-    masses = [physics.engine.mass(physics.links[name]) for name in ("bulb", "lamp")]
-    assert masses == pytest.approx([1e-6, 1e-6])
 
 
 def test_a_turned_inertia_with_products_is_that_of_the_file(tmp_path, engine):
