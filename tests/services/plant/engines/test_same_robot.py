@@ -5,7 +5,6 @@ import re
 
 import numpy as np
 import pytest
-import trimesh
 from support.services.mechanics import (
     FLOOR,
     ROOT,
@@ -135,32 +134,6 @@ def test_a_mesh_in_an_stl_written_as_text_is_solid(tmp_path, engine):
         np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 0.0, 0.0]])
     )
     assert distance == pytest.approx((2.0 - 0.6) / 2.0, abs=2e-3)
-
-
-@pytest.mark.parametrize(
-    "name", ["cube.glb", "cube.ply", "cube.obj", "cube.dae", "file://cube.stl"]
-)
-def test_a_mesh_of_another_format_or_by_its_url_has_its_size(tmp_path, engine, name):
-    mesh = trimesh.creation.box((0.6, 0.4, 0.2))
-    file = tmp_path / name.removeprefix("file://")
-    mesh.export(file)
-    if file.suffix == ".dae":
-        mesh.apply_scale(1000).export(file)
-        in_mm = file.read_text().replace("<up_axis>", '<unit name="mm" meter="0.001"/><up_axis>')
-        file.write_text(in_mm)
-    if file.suffix == ".obj":
-        # The form of numbers that some programs write: .3 for 0.3.
-        file.write_text(re.sub(r"(?<=[ -])0\.", ".", file.read_text()))
-    named = f"file://{file}" if name != file.name else name
-    geometry = f'<mesh filename="{named}"/>'
-    visual = f"<visual><geometry>{geometry}</geometry></visual>"
-    cube = robot(link("cube", 1.0, (1.0,) * 3, geometry, more=visual))
-    physics = make(tmp_path, engine, {"cube": fixed(cube)}).physics
-    downwards = np.array([[0.28, 0.18, 1.0], [0.28, 0.22, 1.0], [0.32, 0.18, 1.0]])
-    hits = physics.engine.cast(downwards, downwards * (1.0, 1.0, -1.0))
-    # From 1 m above to 1 m below, its top is 0.1 m above the middle; PyBullet adds a margin of 1 mm.
-    assert hits[0] == pytest.approx(0.45, abs=1e-3)
-    assert np.isinf(hits[1:]).all()
 
 
 def test_a_collision_shape_that_an_engine_drops_is_refused_by_name(tmp_path, engine):
