@@ -35,9 +35,9 @@ def write(folder, row):
         assert before in text, before
         text = text.replace(before, after)
     if "mesh" in row:
-        (folder / "parts").mkdir()
-        write_mesh(folder / "parts", row["mesh"])
-        text = text.replace("MESH", row.get("url", "parts/{}").format(row["mesh"], folder=folder))
+        (folder / "drawn").mkdir()
+        write_mesh(folder / "drawn", row["mesh"])
+        text = text.replace("MESH", row.get("url", "drawn/{}").format(row["mesh"], folder=folder))
     file = folder / "thing.urdf"
     file.write_text(text)
     return file
@@ -77,7 +77,7 @@ def measured(row, key, folder):
         if isinstance(exc, (AttributeError, NameError, TypeError)):
             raise
         return "refused", str(exc)
-    said = "\n".join(reader.notes()) if hasattr(reader, "notes") else ""
+    said = reader.notes() if hasattr(reader, "notes") else ""
     if value is None or isinstance(value, str):
         return value or "nothing", said
     return float(value), said

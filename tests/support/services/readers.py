@@ -9,7 +9,7 @@ from importlib import import_module
 
 import numpy as np
 
-from stepbus_plant.engine import Light
+from stepbus_plant.engine import BASE, Light
 from stepbus_plant.geometry import projection_matrix, view_matrix
 
 from .mechanics import FLOOR, STEP, Row, advance, command, fixed, make, sensed, state
@@ -22,6 +22,11 @@ SHOWN_GROUPS = 3
 """Of MuJoCo's shapes, from the start."""
 TOP = 5.0
 """From where rays look down [m]."""
+
+
+def floor_of(contact):
+    """Return the URDF of a floor with an element `<contact>`."""
+    return FLOOR.replace("</link>", f"{contact}</link>")
 
 
 class Reader:
@@ -70,11 +75,9 @@ class Reader:
         found = self.pixel()
         if found is None:
             return "nothing"
-        grey = "white" if min(found) > 150 else "grey" if min(found) else "black"
-        bright = [
-            name for name, part in zip(("red", "green", "blue"), found, strict=True) if part > 100
-        ]
-        return bright[0] if len(bright) == 1 else grey
+        if min(found) == max(found):
+            return "white" if min(found) > 150 else "grey" if min(found) else "black"
+        return ("red", "green", "blue")[int(np.argmax(found))]
 
 
 class Bullet(Reader):
@@ -87,26 +90,19 @@ class Bullet(Reader):
         self.p = import_module("pybullet_utils.bullet_client").BulletClient()
         self.p.setTimeStep(STEP)
         self.p.setGravity(0, 0, -G)
-        self.p.setAdditionalSearchPath(str(file.parent))
 
     def load(self, file=None, at=(0, 0, 0), *, base=True):
+        """Return the number of a robot; keep those of its joints and links, by name."""
         flags = self.p.URDF_USE_INERTIA_FROM_FILE
-        return self.p.loadURDF(str(file or self.file), at, useFixedBase=base, flags=flags)
-
-    def infos(self, robot):
-        return [self.p.getJointInfo(robot, n) for n in range(self.p.getNumJoints(robot))]
-
-    def numbers(self, robot):
-        """Return the numbers of joints, and of links, by name."""
-        infos = self.infos(robot)
+        robot = self.p.loadURDF(str(file or self.file), at, useFixedBase=base, flags=flags)
+        self.infos = [self.p.getJointInfo(robot, n) for n in range(self.p.getNumJoints(robot))]
+        self.joint = {info[1].decode(): info[0] for info in self.infos}
         root = self.p.getBodyInfo(robot)[0].decode()
-        return {i[1].decode(): i[0] for i in infos}, {root: -1} | {
-            i[12].decode(): i[0] for i in infos
-        }
+        self.link = {root: -1} | {info[12].decode(): info[0] for info in self.infos}
+        return robot
 
     def push(self, torque=0.0, velocity=0.0, at=0.0, seconds=1.0):
-        robot = self.load()
-        hinge = self.numbers(robot)[0]["hinge"]
+        robot, hinge = self.load(), self.joint["hinge"]
         self.p.resetJointState(robot, hinge, at, velocity)
         self.p.setJointMotorControl2(robot, hinge, self.p.VELOCITY_CONTROL, force=0)
         for _ in range(round(seconds / STEP)):
@@ -115,31 +111,30 @@ class Bullet(Reader):
         return self.p.getJointState(robot, hinge)[:2]
 
     def mass(self, link):
-        robot = self.load()
-        return self.p.getDynamicsInfo(robot, self.numbers(robot)[1][link])[0]
+        return self.p.getDynamicsInfo(self.load(), self.link[link])[0]
 
     def upper(self):
-        robot = self.load()
-        low, high = self.infos(robot)[self.numbers(robot)[0]["hinge"]][8:10]
+        self.load()
+        low, high = self.infos[self.joint["hinge"]][8:10]
         return high if low <= high else math.inf
 
     def links(self):
-        return ", ".join(self.numbers(self.load())[1])
+        self.load()
+        return ", ".join(self.link)
 
     def freedom(self):
         """Return the degrees of freedom of the joints."""
-        kinds = {self.p.JOINT_FIXED: 0, self.p.JOINT_SPHERICAL: 3, self.p.JOINT_PLANAR: 3}
-        return sum(kinds.get(info[2], 1) for info in self.infos(self.load()))
+        self.load()
+        kinds = {self.p.JOINT_FIXED: 0, self.p.JOINT_PLANAR: 3}
+        return sum(kinds.get(info[2], 1) for info in self.infos)
 
     def follower(self, position):
         robot = self.load()
-        joints = self.numbers(robot)[0]
-        self.p.resetJointState(robot, joints["hinge"], position)
-        return self.p.getJointState(robot, joints["follower"])[0]
+        self.p.resetJointState(robot, self.joint["hinge"], position)
+        return self.p.getJointState(robot, self.joint["follower"])[0]
 
     def reaction(self):
-        robot = self.load()
-        mount = self.numbers(robot)[0]["mount"]
+        robot, mount = self.load(), self.joint["mount"]
         self.p.enableJointForceTorqueSensor(robot, mount)
         self.p.stepSimulation()
         return self.p.getJointState(robot, mount)[2][2]
@@ -151,7 +146,7 @@ class Bullet(Reader):
 
     def fall(self, height, seconds, velocity=0.0, floor=""):
         ground = self.file.with_name("floor.urdf")
-        ground.write_text(FLOOR.replace("</link>", f"{floor}</link>"))
+        ground.write_text(floor_of(floor))
         self.load(ground)
         thing, rows = self.load(at=(0, 0, height), base=False), []
         if velocity:
@@ -163,19 +158,16 @@ class Bullet(Reader):
 
     def pixel(self):
         self.load()
-        view, projection = (matrix.T.ravel().tolist() for matrix in EYE)
+        matrices = [matrix.T.ravel().tolist() for matrix in EYE]
         lamp = {
             "lightAmbientCoeff": 1,
             "lightDiffuseCoeff": 0,
             "lightSpecularCoeff": 0,
             "shadow": 0,
         }
-        image = self.p.getCameraImage(
-            PIXELS, PIXELS, view, projection, renderer=self.p.ER_TINY_RENDERER, **lamp
-        )
-        if np.reshape(image[4], (PIXELS, PIXELS))[4, 4] < 0:
-            return None
-        return np.reshape(image[2], (PIXELS, PIXELS, 4))[4, 4, :3].tolist()
+        image = self.p.getCameraImage(PIXELS, PIXELS, *matrices, **lamp)
+        is_seen = np.reshape(image[4], (PIXELS, PIXELS))[4, 4] >= 0
+        return np.reshape(image[2], (PIXELS, PIXELS, 4))[4, 4, :3].tolist() if is_seen else None
 
 
 class MuJoCo(Reader):
@@ -187,11 +179,25 @@ class MuJoCo(Reader):
         super().__init__(file)
         self.m = import_module("mujoco")
 
+    def spec(self):
+        return self.m.MjSpec.from_file(str(self.file))
+
     def load(self, spec=None):
-        spec = spec or self.m.MjSpec.from_file(str(self.file))
+        """Return the model, with its links' places computed, and its data."""
+        spec = spec or self.spec()
         spec.option.timestep, spec.option.gravity = STEP, (0, 0, -G)
         model = spec.compile()
-        return model, self.m.MjData(model)
+        data = self.m.MjData(model)
+        self.m.mj_forward(model, data)
+        return model, data
+
+    def sensed(self, spec, kind, of, name):
+        """Return what a sensor gives after one step, in which joints get 1 N·m."""
+        spec.add_sensor(type=kind, objtype=of, objname=name)
+        model, data = self.load(spec)
+        data.qfrc_applied[:] = 1.0
+        self.m.mj_step(model, data)
+        return data.sensordata[-1]
 
     def push(self, torque=0.0, velocity=0.0, at=0.0, seconds=1.0):
         model, data = self.load()
@@ -203,12 +209,14 @@ class MuJoCo(Reader):
         return data.qpos[hinge.qposadr[0]], data.qvel[hinge.dofadr[0]]
 
     def reading(self):
-        spec, kind = self.m.MjSpec.from_file(str(self.file)), self.m.mjtSensor.mjSENS_JOINTPOS
-        spec.add_sensor(type=kind, objtype=self.m.mjtObj.mjOBJ_JOINT, objname="hinge")
-        model, data = self.load(spec)
-        data.qfrc_applied[:] = 1.0
-        self.m.mj_step(model, data)
-        return data.sensordata[0]
+        kind, of = self.m.mjtSensor.mjSENS_JOINTPOS, self.m.mjtObj.mjOBJ_JOINT
+        return self.sensed(self.spec(), kind, of, "hinge")
+
+    def reaction(self):
+        spec = self.spec()
+        spec.compiler.fusestatic = False
+        spec.body("tool").add_site(name="wrist")
+        return self.sensed(spec, self.m.mjtSensor.mjSENS_FORCE, self.m.mjtObj.mjOBJ_SITE, "wrist")
 
     def mass(self, link):
         return self.load()[0].body(link).mass[0] if link in self.links().split(", ") else "fused"
@@ -230,34 +238,19 @@ class MuJoCo(Reader):
         self.m.mj_forward(model, data)
         return data.qpos[model.joint("follower").qposadr[0]]
 
-    def reaction(self):
-        spec = self.m.MjSpec.from_file(str(self.file))
-        spec.compiler.fusestatic = False
-        spec.body("tool").add_site(name="wrist")
-        spec.add_sensor(
-            type=self.m.mjtSensor.mjSENS_FORCE, objtype=self.m.mjtObj.mjOBJ_SITE, objname="wrist"
-        )
-        model, data = self.load(spec)
-        self.m.mj_step(model, data)
-        return data.sensordata[2]
-
     def top(self, x=0.0, y=0.0):
-        model, data = self.load()
-        self.m.mj_forward(model, data)
         hit = np.zeros(1, dtype=np.int32)
-        share = self.m.mj_ray(model, data, [x, y, TOP], [0, 0, -1], None, 1, -1, hit)
+        share = self.m.mj_ray(*self.load(), [x, y, TOP], [0, 0, -1], None, 1, -1, hit)
         return None if share < 0 else TOP - share
 
     def fall(self, height, seconds, velocity=0.0, floor=""):
-        world = self.m.MjSpec()
-        place = self.m.MjSpec.from_string(FLOOR.replace("</link>", f"{floor}</link>"))
-        world.attach(place, prefix="floor/", frame=world.worldbody.add_frame())
-        thing = self.m.MjSpec.from_file(str(self.file))
+        world, thing = self.m.MjSpec(), self.spec()
+        frame = world.worldbody.add_frame
+        world.attach(self.m.MjSpec.from_string(floor_of(floor)), prefix="floor/", frame=frame())
         thing.worldbody.bodies[0].add_freejoint()
-        world.attach(thing, prefix="thing/", frame=world.worldbody.add_frame(pos=[0, 0, height]))
+        world.attach(thing, prefix="thing/", frame=frame(pos=[0, 0, height]))
         (model, data), rows = self.load(world), []
-        if velocity:
-            data.qvel[0], data.qvel[4] = velocity, velocity / height
+        data.qvel[0], data.qvel[4] = velocity, velocity / height
         for _ in range(round(seconds / STEP)):
             self.m.mj_step(model, data)
             rows.append(data.qpos[:3].tolist())
@@ -280,17 +273,16 @@ class Pinocchio(Reader):
         self.pin = import_module("pinocchio")
 
     def load(self):
+        """Return the model, and where the joint `hinge` has its position and its velocity."""
         model = self.pin.buildModelFromUrdf(str(self.file))
-        return model, model.createData()
+        hinge = model.joints[model.getJointId("hinge")] if model.existJointName("hinge") else None
+        return model, hinge
 
     def push(self, torque=0.0, velocity=0.0, at=0.0, seconds=1.0):
-        model, data = self.load()
-        hinge = model.joints[model.getJointId("hinge")]
+        model, hinge = self.load()
+        data, q = model.createData(), self.pin.neutral(model)
         v, push = np.zeros(model.nv), np.zeros(model.nv)
         v[hinge.idx_v], push[hinge.idx_v] = velocity, torque
-        start = np.zeros(model.nv)
-        start[hinge.idx_v] = at
-        q = self.pin.integrate(model, self.pin.neutral(model), start)
         for _ in range(round(seconds / STEP)):
             v = v + STEP * self.pin.aba(model, data, q, v, push)
             q = self.pin.integrate(model, q, STEP * v)
@@ -302,46 +294,37 @@ class Pinocchio(Reader):
         return model.inertias[model.frames[model.getFrameId(link)].parentJoint].mass
 
     def upper(self):
-        model, _ = self.load()
-        hinge = model.joints[model.getJointId("hinge")]
+        model, hinge = self.load()
         return model.upperPositionLimit[hinge.idx_q] if hinge.nq == 1 else math.inf
 
     def links(self):
-        model, _ = self.load()
         kind = self.pin.FrameType.BODY
-        return ", ".join(frame.name for frame in model.frames if frame.type == kind)
+        return ", ".join(frame.name for frame in self.load()[0].frames if frame.type == kind)
 
     def freedom(self):
         return self.load()[0].nv
 
     def follower(self, position):
-        model, _ = self.load()
+        model, hinge = self.load()
         q = self.pin.neutral(model)
-        q[model.joints[model.getJointId("hinge")].idx_q] = position
+        q[hinge.idx_q] = position
         return q[model.joints[model.getJointId("follower")].idx_q]
 
-    def reaction(self):
-        model, data = self.load()
-        self.pin.rnea(model, data, self.pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv))
-        return data.f[model.getJointId("hinge")].linear[2]
-
-    def _shapes(self, kind):
-        model, _ = self.load()
-        found = self.pin.buildGeomFromUrdf(
-            model, str(self.file), kind, package_dirs=[str(self.file.parent)]
-        )
+    def shapes(self, kind):
+        folders = {"package_dirs": [str(self.file.parent)]}
+        found = self.pin.buildGeomFromUrdf(self.load()[0], str(self.file), kind, **folders)
         return found.geometryObjects
 
     def top(self, x=0.0, y=0.0):
         """Return the top of the box around the shape: coal has no rays."""
-        shapes = self._shapes(self.pin.GeometryType.COLLISION)
+        shapes = [shape.geometry for shape in self.shapes(self.pin.GeometryType.COLLISION)]
         for shape in shapes:
-            shape.geometry.computeLocalAABB()
-        return max((shape.geometry.aabb_local.max_[2] for shape in shapes), default=None)
+            shape.computeLocalAABB()
+        return max((shape.aabb_local.max_[2] for shape in shapes), default=None)
 
     def pixel(self):
-        shapes = list(self._shapes(self.pin.GeometryType.VISUAL))
-        return [round(255 * part) for part in shapes[0].meshColor[:3]] if shapes else None
+        shapes = self.shapes(self.pin.GeometryType.VISUAL)
+        return [round(255 * part) for part in shapes[0].meshColor[:3]] if len(shapes) else None
 
 
 class Stepbus(Reader):
@@ -350,76 +333,65 @@ class Stepbus(Reader):
     package = "stepbus"
 
     def load(self, keys="fixed_base: true", world="", **more):
+        """Return the physics of a world with the robot."""
         bodies = {**more, "thing": Row(self.file.read_text(), keys)}
         self.plant = make(self.file.parent, self.module, bodies, world)
-        return self.plant
+        return self.plant.physics
 
     def notes(self):
-        return [text for _, text in self.plant.physics.notes]
+        return "\n".join(text for _, text in self.plant.physics.notes)
 
     def push(self, torque=0.0, velocity=0.0, at=0.0, seconds=1.0):
-        plant = self.load()
-        plant.physics.teleport(plant.physics.joints["hinge"], at, velocity)
-        command(plant, "torque", *(torque if name == "hinge" else 0.0 for name in plant.names))
-        return state(advance(plant, round(seconds / STEP)), "hinge")
+        physics = self.load()
+        physics.teleport(physics.joints["hinge"], at, velocity)
+        command(self.plant, "torque", *(torque if n == "hinge" else 0.0 for n in self.plant.names))
+        return state(advance(self.plant, round(seconds / STEP)), "hinge")
 
     def mass(self, link):
-        physics = self.load().physics
+        physics = self.load()
         return physics.engine.mass(physics.links[link])
 
     def upper(self):
-        return self.load().physics.joints["hinge"].upper
+        return self.load().joints["hinge"].upper
 
     def links(self):
-        return ", ".join(self.load().physics.links)
+        return ", ".join(self.load().links)
 
     def freedom(self):
-        return len(self.load().names)
+        return len(self.load().joints)
 
     def follower(self, position):
-        physics = self.load().physics
+        physics = self.load()
         physics.teleport(physics.joints["hinge"], position, 0.0)
         return state(self.plant, "follower")[0]
 
     def reaction(self):
-        plant = self.load(world="wrenches: {ft: {joint: mount}}")
-        return sensed(plant, "Wrench/1").sense(advance(plant, 1).t_ns).force[2]
+        self.load(world="wrenches: {ft: {joint: mount}}")
+        return sensed(self.plant, "Wrench/1").sense(advance(self.plant, 1).t_ns).force[2]
 
     def top(self, x=0.0, y=0.0):
-        (share,) = self.load().physics.engine.cast(
-            np.array([[x, y, TOP]]), np.array([[x, y, -TOP]])
-        )
+        (share,) = self.load().engine.cast(np.array([[x, y, TOP]]), np.array([[x, y, -TOP]]))
         return None if math.isinf(share) else TOP - share * 2 * TOP
 
     def fall(self, height, seconds, velocity=0.0, floor=""):
-        ground = fixed(FLOOR.replace("</link>", f"{floor}</link>"))
-        plant = self.load(keys=f"position: [0, 0, {height}]", ground=ground)
-        engine, rows = plant.physics.engine, []
+        keys, ground = f"position: [0, 0, {height}]", fixed(floor_of(floor))
+        engine, rows = self.load(keys, ground=ground).engine, []
         if velocity:
-            place = (0.0, 0.0, height), (0.0, 0.0, 0.0, 1.0)
-            engine.put(1, place, (velocity, 0.0, 0.0), (0.0, velocity / height, 0.0))
+            engine.put(1, engine.frame((1, BASE)), (velocity, 0, 0), (0, velocity / height, 0))
         for _ in range(round(seconds / STEP)):
-            advance(plant, 1)
+            advance(self.plant, 1)
             rows.append(engine.centre(1)[0])
         return rows
 
     def pixel(self):
-        colours, depth = self.load().physics.engine.image((PIXELS, PIXELS), *EYE, FLAT)
+        colours, depth = self.load().engine.image((PIXELS, PIXELS), *EYE, FLAT)
         return colours[4, 4].tolist() if depth[4, 4] < 1.0 else None
-
-
-class StepbusWithBullet(Stepbus):
-    module = "pybullet"
-
-
-class StepbusWithMuJoCo(Stepbus):
-    module = "mujoco"
 
 
 READERS = {
     "pybullet": Bullet,
     "mujoco": MuJoCo,
     "pinocchio": Pinocchio,
-    "stepbus_pybullet": StepbusWithBullet,
-    "stepbus_mujoco": StepbusWithMuJoCo,
+    "stepbus_pybullet": type("StepbusWithBullet", (Stepbus,), {"module": "pybullet"}),
+    "stepbus_mujoco": type("StepbusWithMuJoCo", (Stepbus,), {"module": "mujoco"}),
 }

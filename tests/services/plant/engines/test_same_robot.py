@@ -5,7 +5,6 @@ import re
 
 import numpy as np
 import pytest
-import trimesh
 from support.services.mechanics import (
     FLOOR,
     ROOT,
@@ -24,7 +23,7 @@ from support.services.mechanics import (
 from support.tools import needs_opengl
 
 from stepbus_kinematics import RobotModel
-from stepbus_plant.engine import BASE, Light
+from stepbus_plant.engine import Light
 from stepbus_plant.geometry import projection_matrix, view_matrix
 from stepbus_schemas import WiringError
 
@@ -57,15 +56,6 @@ def test_what_changes_nothing_changes_nothing(tmp_path, engine, before, after):
     plant = advance(start(tmp_path, engine, urdf.replace(before, after)), 1)
     acceleration = state(plant, "hinge")[1] / STEP
     assert acceleration == pytest.approx(G * LEVER / (MOMENT + LEVER**2), rel=1e-6)
-
-
-@pytest.mark.parametrize("axis", ["0 0 -0.5", "0 0 -3"])
-def test_a_prismatic_axis_of_any_length_falls_freely(tmp_path, engine, axis):
-    urdf = arm(axis, "prismatic", 'lower="-9" upper="9" effort="9" velocity="99"')
-    plant = advance(start(tmp_path, engine, urdf), 100)
-    assert state(plant, "hinge")[1] == pytest.approx(G * 0.1, rel=1e-6)
-    height = plant.physics.engine.frames(0, [0])[0][0][2]
-    assert height == pytest.approx(-state(plant, "hinge")[0], rel=1e-6)
 
 
 NARROW = 'lower="-0.1" upper="0.1" effort="99" velocity="99"'
@@ -146,78 +136,15 @@ def test_a_mesh_in_an_stl_written_as_text_is_solid(tmp_path, engine):
     assert distance == pytest.approx((2.0 - 0.6) / 2.0, abs=2e-3)
 
 
-@pytest.mark.parametrize(
-    "name", ["cube.glb", "cube.ply", "cube.obj", "cube.dae", "file://cube.stl"]
-)
-def test_a_mesh_of_another_format_or_by_its_url_has_its_size(tmp_path, engine, name):
-    mesh = trimesh.creation.box((0.6, 0.4, 0.2))
-    file = tmp_path / name.removeprefix("file://")
-    mesh.export(file)
-    if file.suffix == ".dae":
-        mesh.apply_scale(1000).export(file)
-        in_mm = file.read_text().replace("<up_axis>", '<unit name="mm" meter="0.001"/><up_axis>')
-        file.write_text(in_mm)
-    if file.suffix == ".obj":
-        # The form of numbers that some programs write: .3 for 0.3.
-        file.write_text(re.sub(r"(?<=[ -])0\.", ".", file.read_text()))
-    named = f"file://{file}" if name != file.name else name
-    geometry = f'<mesh filename="{named}"/>'
-    visual = f"<visual><geometry>{geometry}</geometry></visual>"
-    cube = robot(link("cube", 1.0, (1.0,) * 3, geometry, more=visual))
-    physics = make(tmp_path, engine, {"cube": fixed(cube)}).physics
-    downwards = np.array([[0.28, 0.18, 1.0], [0.28, 0.22, 1.0], [0.32, 0.18, 1.0]])
-    hits = physics.engine.cast(downwards, downwards * (1.0, 1.0, -1.0))
-    # From 1 m above to 1 m below, its top is 0.1 m above the middle; PyBullet adds a margin of 1 mm.
-    assert hits[0] == pytest.approx(0.45, abs=1e-3)
-    assert np.isinf(hits[1:]).all()
-
-
-OUTLINE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
-
-
-def test_a_concave_mesh_is_in_its_box_and_rays_hit_its_hull_or_itself(tmp_path, engine):
-    solid = trimesh.creation.extrude_triangulation(
-        vertices=np.array(OUTLINE, dtype=float),
-        faces=[(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)],
-        height=1.0,
-    )
-    solid.export(tmp_path / "l.stl")
-    thing = robot(link("l", 1.0, (1.0,) * 3, '<mesh filename="l.stl"/>'))
-    physics = make(tmp_path, engine, {"l": fixed(thing)}).physics
-    low, high = physics.engine.box((0, BASE))
-    # Boxes are larger: PyBullet's by its margin, MuJoCo's where the axes of inertia turn.
-    assert (np.array(low) < 4e-3).all()
-    assert (np.array(high) > (2.0 - 4e-3, 2.0 - 4e-3, 1.0 - 4e-3)).all()
-    # In the leg, in the notch but within the hull, and outside of the hull.
-    downwards = np.array([[0.5, 0.5, 3.0], [1.2, 1.2, 3.0], [1.6, 1.6, 3.0]])
-    hits = physics.engine.cast(downwards, downwards * (1.0, 1.0, -1.0))
-    assert hits[0] == pytest.approx(1 / 3, abs=1e-3)
-    # Contacts of both are with the hull; MuJoCo's rays are with the mesh.
-    assert hits[1] == pytest.approx(1 / 3, abs=1e-3) if engine == "pybullet" else np.isinf(hits[1])
-    assert np.isinf(hits[2])
-
-
 def test_a_collision_shape_that_an_engine_drops_is_refused_by_name(tmp_path, engine):
     (tmp_path / "flat.stl").write_text("solid flat\nendsolid flat\n")
     thing = robot(link("thing", 1.0, (1.0,) * 3, '<mesh filename="flat.stl"/>'))
     with pytest.raises(WiringError, match=r"thing\.urdf: link 'thing' .*flat\.stl|flat\.stl"):
-        start_one(tmp_path, engine, thing)
+        make(tmp_path, engine, {"thing": fixed(thing)})
 
 
-def start_one(folder, engine, urdf):
-    plant = make(folder, engine, {"thing": fixed(urdf)})
-    plant.world.source.refuse(plant.mistakes)
-
-
-PALETTE = '<material name="paint"><color rgba="1 0 0 1"/></material>'
 WALL = '<box size="0.2 2 2"/>'
 FLAT = Light(direction=(0, 0, 1), distance=1, ambient=1, diffuse=0, specular=0, has_shadow=False)
-
-
-def middle_pixel(folder, engine, wall):
-    """Return colour and depth buffer of the middle pixel of a camera that looks at a wall."""
-    rgb, depth = look(make(folder, engine, {"wall": fixed(wall)}))
-    return rgb[4, 4].tolist(), float(depth[4, 4])
 
 
 def look(plant):
@@ -225,21 +152,6 @@ def look(plant):
     view = view_matrix((0.0, 0.0, 0.0), 3.0, math.radians(90), 0.0)
     projection = projection_matrix(1.0, 1.0, 0.1, 10.0)
     return plant.physics.engine.image((8, 8), view, projection, FLAT)
-
-
-def test_a_material_that_is_defined_once_and_used_by_name_keeps_its_colour(tmp_path, engine):
-    visual = f'<visual><geometry>{WALL}</geometry><material name="paint"/></visual>'
-    wall = robot(PALETTE, link("wall", 1.0, (1.0,) * 3, more=visual))
-    (red, green, blue), _ = middle_pixel(tmp_path, engine, wall)
-    assert red > 150
-    assert (green, blue) == (0, 0)
-
-
-def test_a_camera_sees_the_collision_shapes_of_a_link_without_a_visual_in_white(tmp_path, engine):
-    wall = robot(link("wall", 1.0, (1.0,) * 3, WALL))
-    (red, green, blue), depth = middle_pixel(tmp_path, engine, wall)
-    assert red == green == blue > 150
-    assert depth < 1.0
 
 
 def test_a_plant_that_ends_takes_no_image_of_another_one_along(tmp_path, engine):
@@ -268,15 +180,6 @@ def test_links_behind_fixed_joints_keep_their_names_masses_and_places(tmp_path, 
     assert physics.fixed == {"mount"}
     assert physics.engine.mass(physics.links["tool"]) == 0.5
     assert physics.engine.frame(physics.links["tool"])[0] == pytest.approx((0.7, 0, 0))
-
-
-def test_a_link_without_an_inertial_weighs_next_to_nothing_whatever_its_shape(tmp_path, engine):
-    ball = '<link name="bulb"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>'
-    seen = '<link name="lamp"><visual><geometry><sphere radius="0.1"/></geometry></visual></link>'
-    joints = [joint(f"to {n}", "continuous", n) for n in ("bulb", "lamp")]
-    physics = start(tmp_path, engine, robot(ROOT, ball, seen, *joints)).physics
-    masses = [physics.engine.mass(physics.links[name]) for name in ("bulb", "lamp")]
-    assert masses == pytest.approx([1e-6, 1e-6])
 
 
 def test_a_turned_inertia_with_products_is_that_of_the_file(tmp_path, engine):
