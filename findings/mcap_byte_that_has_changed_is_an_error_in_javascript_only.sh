@@ -6,8 +6,8 @@ trap 'rm -rf "$folder"' EXIT
 python3.11 -m venv "$folder/venv"
 "$folder/venv/bin/pip" install --quiet mcap==1.6.0
 cat > "$folder/try.py" <<'PYTHON'
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
+from mcap.stream_reader import CRCValidationError
 from mcap.writer import CompressionType, Writer
 
 with open("log.mcap", "wb") as file:
@@ -24,7 +24,7 @@ for options in ({}, {"validate_crcs": True}):
     with open("log.mcap", "rb") as file:
         try:
             seen = next(make_reader(file, **options).iter_messages())[2].data.decode()
-        except McapError as exc:
+        except CRCValidationError as exc:
             seen = type(exc).__name__
     print("Python", *options, seen)
 PYTHON
