@@ -163,7 +163,7 @@ def _svg(nodes: list[_Node]) -> str:
     # A chain is narrow from top to bottom, many readers of one source from left to right.
     ways = (_drawn("\n".join([_HEAD, f"rankdir={way}", *lines, "}"])) for way in ("TB", "LR"))
     text = min(ways, key=lambda text: int(text.split('width="')[1].split("pt")[0]))
-    text = re.sub(r"(?s)<title>.*?</title>\n|<!--.*?-->\n|^.*?(?=<svg)", "", text)
+    text = re.sub(r'(?s)<title>.*?</title>\n|<!--.*?-->\n|^.*?(?=<svg)| (id|class)="\w+"', "", text)
     text = re.sub(r'font-size="([\d.]+)"', lambda size: f'font-size="{_SIZES[size[1]]}"', text)
     text = re.sub(r'="(\d+)pt"', r'="\1"', text, count=2).replace("#000000", "currentColor")
     return text.replace("<svg", '<svg role="img" aria-label="wiring" fill="currentColor"', 1)

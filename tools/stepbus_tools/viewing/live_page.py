@@ -44,7 +44,11 @@ _POINTS = 900
 _MOST_MARKS = 400
 _RECENT = 40
 _decode_call = Decoder(CallRecord)
-_WIRING = "<style>.wiring{overflow:auto;max-height:70vh}</style>"
+_BESIDE = (
+    "<style>.wiring{position:fixed;inset:2vh 26rem 2vh 1rem;overflow:auto;padding:1rem;"
+    "background:var(--mantine-color-body)}</style>"
+)
+"""The panel is too narrow for a picture of several participants."""
 _BYTES = 2 * 1024 * 1024
 """Of a port: a type of the user's own may be large."""
 
@@ -228,7 +232,7 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
             waiting.remove()
             server.gui.set_panel_label(scenario_name(tail))
             page = LivePage(server, tail, client)
-            server.gui.add_html(_WIRING + recorded_wiring(tail))
+            server.gui.add_html(_BESIDE + recorded_wiring(tail))
             page.follow(is_over)
     has_ended = page is not None and not is_over()
     result = _result_of(folder, is_over) if has_ended or not (folder / LIVE_FILE).exists() else None
