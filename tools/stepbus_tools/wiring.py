@@ -173,7 +173,7 @@ def _drawn(dot: str) -> str:
     program = which(Path(sysconfig.get_path("scripts")) / _PROGRAM) or which(_PROGRAM)
     if program is None:
         raise ExtraMissing(lacks("the picture of the wiring", _PROGRAM))
-    words, given = [program, "-Tsvg"], dot.encode()
+    words, given = [program, "-Tsvg"], dot.encode(errors="replace")
     try:
         done = subprocess.run(words, input=given, capture_output=True, timeout=_DRAW_S, check=True)
     except (OSError, subprocess.SubprocessError) as exc:

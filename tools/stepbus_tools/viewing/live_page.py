@@ -45,8 +45,9 @@ _MOST_MARKS = 400
 _RECENT = 40
 _decode_call = Decoder(CallRecord)
 _BESIDE = (
-    "<style>.wiring{position:fixed;inset:2vh 26rem 2vh 1rem;overflow:auto;padding:1rem;"
-    "background:var(--mantine-color-body)}</style>"
+    "<style>.wiring{overflow:auto}@media(min-width:60rem){.wiring{position:fixed;top:2vh;"
+    "right:28rem;max-width:calc(100vw - 30rem);max-height:94vh;padding:1rem;"
+    "background:var(--mantine-color-body)}}</style>"
 )
 """The panel is too narrow for a picture of several participants."""
 _BYTES = 2 * 1024 * 1024
