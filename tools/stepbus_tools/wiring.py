@@ -62,8 +62,8 @@ def recorded_wiring(recording: Recording | Tail) -> str:
         shown = _svg(_nodes(*_unchecked(recording.scenario), recording.types, own))
     except StepbusError as exc:
         shown = f"<p>It cannot be drawn: {escape(str(exc))}</p>"
-    summary = "Wiring: participants, ports, rates"
-    return f"<details><summary>{summary}</summary><div class=wiring>{shown}</div></details>"
+    inner = f'<div class="wiring" tabindex="0">{shown}</div>'
+    return f"<details><summary>Wiring: participants, ports, rates</summary>{inner}</details>"
 
 
 def _unchecked(data: Mapping[str, Any]) -> tuple[int, list[ParticipantSpec]]:
