@@ -36,8 +36,8 @@ def scenario(types=("JointState/1",), **changed):
     return {"name": "chain", "step": "2ms", "participants": rows, **changed}
 
 
-def svg(data, tmp_path, descriptions=None):
-    draw_wiring(data, descriptions or {}, tmp_path / "wiring.svg")
+def svg(data, tmp_path):
+    draw_wiring(data, {}, tmp_path / "wiring.svg")
     return (tmp_path / "wiring.svg").read_text(encoding="utf-8")
 
 
@@ -47,18 +47,15 @@ def recorded(data):
 
 def test_text_and_picture_have_ports_types_units_rates_order_and_what_is_recorded(tmp_path):
     data = scenario(["JointState/1", "Wrench/1"])
-    data["participants"]["stage_1"] |= {
-        "every": 5, "inputs": {"given": {"from": "stage_0.made", "delay": 2}},
-    }  # fmt: skip
+    given = {"from": "stage_0.made", "delay": 2}
+    data["participants"]["stage_1"] |= {"every": 5, "inputs": {"given": given}}
     text = draw_wiring(data, {"stage_1": {"made": Description(units={"force": "kN"})}})
-    assert text.splitlines()[3:] == [
-        f'  p0["1 · stage_0<br/>every 2 ms<br/>▸ made: JointState/1 (rad, rad/s, N·m){KEPT}',
-        (
-            '  p1["2 · stage_1<br/>every 10 ms (5 steps)<br/>◂ given from stage_0.made, 2 steps old'
-            f"<br/>▸ made: Wrench/1 (kN, N·m){KEPT}"
-        ),
-        "  p0 -.-> p1",
-    ]
+    assert "\n".join(text.splitlines()[3:]) == (
+        f'  p0["1 · stage_0<br/>every 2 ms<br/>▸ made: JointState/1 (rad, rad/s, N·m){KEPT}\n'
+        '  p1["2 · stage_1<br/>every 10 ms (5 steps)<br/>◂ given from stage_0.made, '
+        f"2 steps old<br/>▸ made: Wrench/1 (kN, N·m){KEPT}\n"
+        "  p0 -.-> p1"
+    )
     words = {*ET.fromstring(svg(data, tmp_path)).itertext()}
     assert {"1 · stage_0", "every 10 ms (5 steps)", "from stage_0.made, 2 steps old"} <= words
     assert {"Wrench/1", "rad, rad/s, N·m", "rad/s, m/s²; not recorded"} <= words
@@ -97,9 +94,7 @@ def test_nothing_is_loaded_that_a_recorded_scenario_names():
         draw_wiring(scenario(["JointState/1"] * 200), {})
 
 
-def test_without_graphviz_the_text_is_there_and_a_report_says_what_is_missing(
-    tmp_path, monkeypatch
-):
+def test_without_graphviz_the_text_is_there_and_a_report_says_why(tmp_path, monkeypatch):
     monkeypatch.setattr(wiring, "which", lambda _: None)
     assert draw_wiring(scenario(), {}).count("stage_0") == 1
     with pytest.raises(ExtraMissing, match=r"needs graphviz-pure, .*pip install 'stepbus\[report"):
