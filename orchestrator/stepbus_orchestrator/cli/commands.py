@@ -130,11 +130,16 @@ class Describe(Command, work="scenarios", group="run"):
     $ stepbus describe two_link
     $ stepbus describe two_link/pd --set plant.params.world=world.yaml
     $ stepbus describe two_link --json
+    $ stepbus describe two_link --graph wiring.svg
     """
 
     scenario: Scenario
     _: KW_ONLY
     set: Set = ()
+    graph: Annotated[
+        tuple[Path, ...] | None, Parameter(consume_multiple=(0, 1), metavar="[FILE]")
+    ] = None
+    """print a picture of the wiring as text for Mermaid, or write it to FILE: SVG if it is .svg"""
     json: Json = False
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.cli.commands import New
 from stepbus_orchestrator.cli.terminal.output import say
+from stepbus_orchestrator.plugins import view
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
@@ -68,6 +69,8 @@ def write_starter(folder: Path, language: str) -> list[Path]:
     Raises WiringError when the folder is not empty or cannot be written.
     """
     contents = dict(_contents(STARTERS[language], _scenario_name(folder)))
+    graph = view("wiring")(parse_yaml("scenario.yaml", contents[Path("scenario.yaml")]), {})
+    contents[Path("README.md")] += f"\n## Wiring\n\n```mermaid\n{graph}\n```\n"
     try:
         if folder.exists() and any(folder.iterdir()):
             raise WiringError(f"{folder} is not empty; choose a new folder")

@@ -14,6 +14,7 @@ from stepbus_orchestrator.cli import commands
 from stepbus_orchestrator.cli.commands import Describe, Validate
 from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.terminal.output import Answer, table
+from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.processes.slots import slot_counts
 from stepbus_orchestrator.run.describe import (
     JointRow,
@@ -79,6 +80,12 @@ def describe_command(given: Describe) -> Answer:
     loaded = load(given.scenario, given.set)
     with interruptible() as interrupt:
         described = describe(loaded, interrupt)
+    if given.graph is not None:
+        said = {
+            one.participant: {output.port: output.description for output in one.outputs}
+            for one in described
+        }
+        return Answer(value=described, lines=[view("wiring")(loaded, said, *given.graph)])
     return Answer(value=described, lines=_described(described))
 
 

@@ -27,6 +27,7 @@ from stepbus_tools.viewing.stage.chart_tab import Data, Signal
 from stepbus_tools.viewing.stage.recording_view import View, failure_banner, plain_topics
 from stepbus_tools.viewing.stage.stage import Framing, add_light
 from stepbus_tools.viewing.viewpoint import Swept
+from stepbus_tools.wiring import recorded_wiring
 
 _IDLE_S = 5.0
 """So long without anything new, and a run has been killed, or its user is told."""
@@ -43,6 +44,12 @@ _POINTS = 900
 _MOST_MARKS = 400
 _RECENT = 40
 _decode_call = Decoder(CallRecord)
+_BESIDE = (
+    "<style>.wiring{overflow:auto}@media(min-width:60rem){.wiring{position:fixed;top:2vh;"
+    "right:28rem;max-width:calc(100vw - 30rem);max-height:94vh;padding:1rem;"
+    "background:var(--mantine-color-body)}}</style>"
+)
+"""The panel is too narrow for a picture of several participants."""
 _BYTES = 2 * 1024 * 1024
 """Of a port: a type of the user's own may be large."""
 
@@ -226,6 +233,7 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
             waiting.remove()
             server.gui.set_panel_label(scenario_name(tail))
             page = LivePage(server, tail, client)
+            server.gui.add_html(_BESIDE + recorded_wiring(tail))
             page.follow(is_over)
     has_ended = page is not None and not is_over()
     result = _result_of(folder, is_over) if has_ended or not (folder / LIVE_FILE).exists() else None

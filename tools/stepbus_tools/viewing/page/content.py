@@ -32,6 +32,7 @@ from stepbus_tools.theme import line_style
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.exports.scene_file import scene_at_end
 from stepbus_tools.viewing.history import History, read_timeline
+from stepbus_tools.wiring import recorded_wiring
 
 _decode = msgspec.msgpack.Decoder(StepTiming).decode
 _BINS_PER_E = 2000
@@ -164,7 +165,7 @@ class RunPage:
 
     label: among several runs; empty for one alone. lines: of its summary. events_left: how many are
     not shown. problems: what cannot be shown, a sentence each. scene: at its end, where it has one.
-    groups: of charts.
+    groups: of charts. wiring: as HTML.
 
     Raises RecordingFailed when it is no recording, or has no messages of types that it knows.
     """
@@ -201,6 +202,7 @@ class RunPage:
             self.events = [replace(one, text=self.local(one.text)) for one in events]
             self.times = read_step_times(self.path.parent) if self.result else {}
             self.scene = scene_at_end(recording)
+            self.wiring = recorded_wiring(recording)
         self.groups = list(_groups(self))
 
     @property

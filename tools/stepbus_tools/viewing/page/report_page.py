@@ -79,6 +79,7 @@ def render_page(runs: Sequence[RunPage], target: Path, replays: Sequence[str] = 
         Section("camera", "Camera", "".join(map(_camera_stills, runs))),
         Section("happenings", "Events and faults", _events(runs)),
         Section("timing", "Step times", "".join(map(_times, runs))),
+        Section("wiring", "Wiring", "".join(dict.fromkeys(run.wiring for run in runs))),
         Section("again", "Run it again", "".join(map(again, runs))),
     ]
     title = " · ".join(dict.fromkeys(run.name for run in runs))
