@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from functools import cached_property, partial
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import msgspec
 
@@ -17,9 +17,20 @@ from stepbus_orchestrator.analysis.tolerance import (
     differences,
     short,
 )
-from stepbus_schemas import SHIPPED, Decoder, MessageError, Types, WiringError, json_schema
+from stepbus_schemas import (
+    SHIPPED,
+    Decoder,
+    JointMode,
+    MessageError,
+    Types,
+    WiringError,
+    json_schema,
+)
 
 _INDEX = re.compile(r"\[(\d+)\]")
+_MOST_CHARACTERS = 40
+_MOST_VALUES = 12
+"""More values of one message are not read as they pass."""
 DivergenceType = Literal["value", "encoding", "missing", "added"]
 
 
@@ -198,6 +209,25 @@ class PortComparison:
         except (MessageError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
             return data.hex()
 
+    def beside(self, first: bytes | None, second: bytes | None) -> str:
+        """Return the second message in words, as `value | first (difference)` where they differ."""
+        if second is None:
+            return ": none | a message"
+        one = {} if first is None else dict(_leaves("", self.plain(first)))
+        other = dict(_leaves("", self.plain(second)))
+        texts: list[str] = []
+        for path, value in other.items():
+            texts.append(f"{_named(path, self._name_of(path))} {_brief(value)}")
+            if second != first and value != one.get(path):
+                gap = difference(one.get(path), value)
+                change = "" if gap is None else f" ({value - one[path]:+.3g})"
+                texts[-1] += f" | {_brief(one.get(path))}{change}"
+            unit = self._unit(path.partition("[")[0], other.get("mode"))
+            texts[-1] += f" {unit}" if unit else ""
+        more = [f"and {len(texts) - _MOST_VALUES} more"] if len(texts) > _MOST_VALUES else []
+        same = " as recorded" if first == second else ""
+        return f"{same}: {', '.join([*texts[:_MOST_VALUES], *more])}"
+
     def result(self) -> PortResult:
         """Return the comparison so far."""
         return PortResult(
@@ -245,15 +275,48 @@ class PortComparison:
         return self._names[int(match[1])] if path[: match.start()] in self._per_name else ""
 
     @cached_property
+    def _schema(self) -> dict[str, Any]:
+        properties: dict[str, Any] = json_schema(self.type_name, self._types)["properties"]
+        return properties
+
+    @cached_property
     def _per_name(self) -> set[str]:
         """Return the fields that have one value for each name of the port's description."""
-        fields = json_schema(self.type_name, self._types)["properties"]
-        return {name for name, field in fields.items() if field.get("shape", [])[:1] == ["n"]}
+        fields = self._schema.items()
+        return {name for name, field in fields if field.get("shape", [])[:1] == ["n"]}
+
+    def _unit(self, field: str, mode: str | None) -> str:
+        """Return the unit of a field; some have one for each mode of their message."""
+        if not fields_of(self.type_name, self._types):
+            return ""
+        units: list[str] = self._schema.get(field, {}).get("unit", "").split(", ")
+        modes = get_args(JointMode) if len(units) > 1 else ()
+        unit = units[modes.index(mode)] if mode in modes else units[0]
+        return unit.removeprefix("-")
 
     def _allowed(self, name: str) -> FieldTolerance | None:
         if name not in self._fields:
             self._fields[name] = self._tolerance.of(self.topic, name)
         return self._fields[name]
+
+
+def _leaves(path: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield path → value of all that is in a message, but for what is absent."""
+    match value:
+        case dict():
+            for key, part in value.items():
+                yield from _leaves(f"{path}.{key}" if path else key, part)
+        case list() | tuple():
+            for index, part in enumerate(value):
+                yield from _leaves(f"{path}[{index}]", part)
+        case None:
+            return
+        case _:
+            yield path, value
+
+
+def _brief(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)[:_MOST_CHARACTERS]
 
 
 def fields_of(type_name: str, types: Types = SHIPPED) -> tuple[str, ...]:
