@@ -5,6 +5,7 @@ import dataclasses
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from stepbus_orchestrator.cli.commands import Play
@@ -74,15 +75,20 @@ class Beside(Observer):
     def __init__(self, display: Display, participant: str, part: Part) -> None:
         self._display, self._participant, self._part = display, participant, part
         self._shown, self._due_at = "", 0.0
+        self._newest: Callable[[], None] | None = None
         self._held, self._held_at = -1, 0.0
 
     def compared(self, step: int, lines: Callable[[], list[str]]) -> None:
-        """Show a step, unless another has been shown just now."""
-        now = time.monotonic()
-        if step < self._part.first or now < self._due_at:
-            return
+        """Show a step; soon, where another has been shown just now."""
+        if step >= self._part.first:
+            self._newest = partial(self._show, step, lines)
+            if time.monotonic() >= self._due_at:
+                self._newest()
+
+    def _show(self, step: int, lines: Callable[[], list[str]]) -> None:
         shown = [f"{self._part.when(step)}: {line}" for line in lines()]
-        self._due_at, self._shown = now + len(shown) * _LINES_EVERY_S, "\n".join(shown)
+        self._due_at = time.monotonic() + len(shown) * _LINES_EVERY_S
+        self._shown, self._newest = "\n".join(shown), None
         if not has_screen(sys.stdout):
             self._display.say(self._shown)
 
@@ -99,6 +105,8 @@ class Beside(Observer):
             self._held_at = float("inf")
             text = "has not published this step yet; is it in a debugger? There is no deadline"
             self.event("waiting", self._participant, held, text)
+        if self._newest is not None:
+            self._newest()
         reached = self._display.reached(progress)
         is_shown = has_screen(sys.stdout) and self._shown
         note = self._shown if is_shown else reached.note
