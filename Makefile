@@ -1,6 +1,5 @@
 .PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots robots-page pictures check docs bench soak campaign simulate clean setup setup-demo
-# `make -j demo test` would install twice at a time.
-.NOTPARALLEL:
+.NOTPARALLEL:  # `make -j demo test` would install twice at a time
 
 PYTHON := .venv/bin/python
 

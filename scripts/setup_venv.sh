@@ -1,7 +1,7 @@
 #!/bin/sh
 # Install stepbus with some extras of pyproject.toml into .venv, at the versions of constraints.txt.
-# Does nothing if they, or all for development, are there already. POSIX sh: not every machine has bash.
-# Usage: setup_venv.sh [EXTRAS], for example sim,report; default: dev, which has all.
+# Does nothing if they are there already. POSIX sh: not every machine has bash.
+# The argument names them, such as sim,report; default: dev, which has all.
 # PYTHON3: the Python to create it with; default: python3.11 or python3.
 set -eu
 cd "$(dirname "$0")/.."
@@ -57,9 +57,8 @@ if ! "$venv/bin/python" -c 'import sys; sys.exit(sys.version_info >= (3, 12))'; 
     echo "note: PyBullet has no wheel for $("$venv/bin/python" --version); the plant uses MuJoCo"
 fi
 
-if [ "$extras" = dev ]; then what="all packages for development" lasts="1 to 2 minutes"
-else what="what a run needs, [$extras]," lasts="half a minute"; fi
-echo "installing $what into $venv ($lasts, only once)"
+if [ "$extras" = dev ]; then lasts="1 to 2 minutes"; else lasts="half a minute"; fi
+echo "installing stepbus[$extras] into $venv ($lasts, only once)"
 # A terminal shows one line, which changes; elsewhere the log has them all.
 up=$(printf '\033[A\033[K') found=d
 if [ -t 1 ]; then found="s/^Collecting \([^ <>=~!]*\).*/$up  found \1/p"; echo; fi

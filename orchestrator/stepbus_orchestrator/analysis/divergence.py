@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property, partial
 from typing import Any, Literal, get_args
@@ -17,20 +17,11 @@ from stepbus_orchestrator.analysis.tolerance import (
     differences,
     short,
 )
-from stepbus_schemas import (
-    SHIPPED,
-    Decoder,
-    JointMode,
-    MessageError,
-    Types,
-    WiringError,
-    json_schema,
-)
+from stepbus_schemas import SHIPPED, Decoder, MessageError, Types, WiringError, json_schema
+from stepbus_schemas.messages import JointMode
 
 _INDEX = re.compile(r"\[(\d+)\]")
-_MOST_CHARACTERS = 40
 _MOST_VALUES = 12
-"""More values of one message are not read as they pass."""
 DivergenceType = Literal["value", "encoding", "missing", "added"]
 
 
@@ -211,22 +202,19 @@ class PortComparison:
 
     def beside(self, first: bytes | None, second: bytes | None) -> str:
         """Return the second message in words, as `value | first (difference)` where they differ."""
-        if second is None:
-            return ": none | a message"
         one = {} if first is None else dict(_leaves("", self.plain(first)))
-        other = dict(_leaves("", self.plain(second)))
+        other = {} if second is None else dict(_leaves("", self.plain(second)))
         texts: list[str] = []
-        for path, value in other.items():
+        for path in dict.fromkeys((*other, *one)):
+            value, was = other.get(path), one.get(path)
             texts.append(f"{_named(path, self._name_of(path))} {_brief(value)}")
-            if second != first and value != one.get(path):
-                gap = difference(one.get(path), value)
-                change = "" if gap is None else f" ({value - one[path]:+.3g})"
-                texts[-1] += f" | {_brief(one.get(path))}{change}"
-            unit = self._unit(path.partition("[")[0], other.get("mode"))
-            texts[-1] += f" {unit}" if unit else ""
-        more = [f"and {len(texts) - _MOST_VALUES} more"] if len(texts) > _MOST_VALUES else []
+            if first != second and value != was:
+                gap = difference(was, value)
+                texts[-1] += f" | {_brief(was)}" + ("" if gap is None else f" ({gap:.3g})")
+            texts[-1] += self._unit(path, other)
+        more = ", …" if len(texts) > _MOST_VALUES else ""
         same = " as recorded" if first == second else ""
-        return f"{same}: {', '.join([*texts[:_MOST_VALUES], *more])}"
+        return f"{same}: {', '.join(texts[:_MOST_VALUES])}{more}"
 
     def result(self) -> PortResult:
         """Return the comparison so far."""
@@ -275,9 +263,9 @@ class PortComparison:
         return self._names[int(match[1])] if path[: match.start()] in self._per_name else ""
 
     @cached_property
-    def _schema(self) -> dict[str, Any]:
-        properties: dict[str, Any] = json_schema(self.type_name, self._types)["properties"]
-        return properties
+    def _schema(self) -> Mapping[str, Any]:
+        known = fields_of(self.type_name, self._types)
+        return json_schema(self.type_name, self._types)["properties"] if known else {}
 
     @cached_property
     def _per_name(self) -> set[str]:
@@ -285,14 +273,12 @@ class PortComparison:
         fields = self._schema.items()
         return {name for name, field in fields if field.get("shape", [])[:1] == ["n"]}
 
-    def _unit(self, field: str, mode: str | None) -> str:
-        """Return the unit of a field; some have one for each mode of their message."""
-        if not fields_of(self.type_name, self._types):
-            return ""
-        units: list[str] = self._schema.get(field, {}).get("unit", "").split(", ")
-        modes = get_args(JointMode) if len(units) > 1 else ()
-        unit = units[modes.index(mode)] if mode in modes else units[0]
-        return unit.removeprefix("-")
+    def _unit(self, path: str, message: Mapping[str, Any]) -> str:
+        """Return the unit of a field, after a space; some have one for each mode."""
+        units = self._schema.get(path.partition("[")[0], {}).get("unit", "").split(", ")
+        modes, mode = get_args(JointMode), message.get("mode")
+        unit = units[modes.index(mode)] if len(units) == len(modes) and mode in modes else units[0]
+        return "" if unit in {"", "-"} else f" {unit}"
 
     def _allowed(self, name: str) -> FieldTolerance | None:
         if name not in self._fields:
@@ -302,21 +288,15 @@ class PortComparison:
 
 def _leaves(path: str, value: Any) -> Iterator[tuple[str, Any]]:
     """Yield path → value of all that is in a message, but for what is absent."""
-    match value:
-        case dict():
-            for key, part in value.items():
-                yield from _leaves(f"{path}.{key}" if path else key, part)
-        case list() | tuple():
-            for index, part in enumerate(value):
-                yield from _leaves(f"{path}[{index}]", part)
-        case None:
-            return
-        case _:
-            yield path, value
+    if isinstance(value, dict | list | tuple):
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _leaves(f"{path}[{key}]" if path else str(key), part)
+    elif value is not None:
+        yield path, value
 
 
 def _brief(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)[:_MOST_CHARACTERS]
+    return f"{value:.6g}" if isinstance(value, float) else "-" if value is None else short(value)
 
 
 def fields_of(type_name: str, types: Types = SHIPPED) -> tuple[str, ...]:

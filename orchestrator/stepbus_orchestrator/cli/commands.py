@@ -277,13 +277,12 @@ class Play(Command, work="play", group="test", is_run=True):
 
     Waits for a participant that you start with `stepbus join TICKET`, in a debugger for example,
     and publishes the recorded messages of all others to it, at a rate of your choice. Shows its
-    outputs as they come, beside the recorded ones where they differ: `value | recorded
-    (difference)`. It has no deadlines. In a terminal, p pauses and resumes, s makes one step, q
-    stops. Ends as replay does: exit code 0: equal, 10: different.
+    outputs, beside the recorded ones where they differ: `value | recorded (difference)`. It has no
+    deadlines. In a terminal, p pauses and resumes, s makes one step, q stops. Exit code 0: equal,
+    10: different.
 
     $ stepbus play runs/arm --participant controller --rate 0.2
     $ stepbus play runs/arm --participant controller --from 3s --to 5s
-    $ stepbus play run.mcap --participant controller --ticket /tmp/c.ticket
     """
 
     recording: Recording
@@ -299,8 +298,7 @@ class Play(Command, work="play", group="test", is_run=True):
     ticket: File = None
     """where its ticket is put (default: NAME.ticket in the current folder)"""
     tolerances: Annotated[Tolerances, FLAT] = Tolerances()
-    set: Settings = ()
-    """override one value of the recorded scenario, e.g. controller.params.kp=101"""
+    set: Set = ()
     source: Folder = None
     """folder or file of the scenario, as in replay"""
     trust: Trust = False

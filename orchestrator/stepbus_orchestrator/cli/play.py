@@ -1,11 +1,10 @@
 """`stepbus play`: a recording, at the user's rate, to a participant in the user's debugger."""
 
-import contextlib
 import dataclasses
 import sys
 import time
 from collections.abc import Callable
-from functools import partial
+from contextlib import closing
 from pathlib import Path
 
 from stepbus_orchestrator.cli.commands import Play
@@ -28,72 +27,44 @@ from stepbus_orchestrator.run.reports import Observer, Progress
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_schemas import WiringError
 
-_LINES_EVERY_S = 0.1
 _PATIENCE_S = 5.0
 """Who holds a step for longer than that is named."""
 
 
-class Part(Speed):
-    """Holds steps by the wall clock from one step on, and ends before another.
+class Playing(Speed, Observer):
+    """Holds the steps of a play by the wall clock, and shows what the participant makes of them.
 
-    given: names them, and the rate. first: the one step.
+    given: which steps, and how fast. display: shows it.
     """
 
-    first = 0
-
-    def __init__(self, given: Play) -> None:
+    def __init__(self, given: Play, display: Display) -> None:
         super().__init__(step_ns=0)
-        self._given = given
+        self._given, self._display = given, display
+        self._shown, self._held, self._held_at = "", -1, 0.0
+        self._lines: Callable[[], list[str]] | None = None
 
     def prepare(self, scenario: Scenario) -> Scenario:
         """Make it shorter, and one step at a time; raises WiringError where none is left."""
         step_ns, steps = scenario.step_ns, scenario.steps or 0
-        self._step_ns, self.first = step_ns, step_of(self._given.begin, step_ns) or 0
-        end = step_of(self._given.end, step_ns)
-        end = steps if end is None else min(end, steps)
-        if self.first >= end:
-            raise WiringError(f"no step from {self.first} to {end}: the recording has {steps}")
+        self._step_ns, self._first = step_ns, step_of(self._given.begin, step_ns) or 0
+        end = min(step_of(self._given.end or str(steps), step_ns) or 0, steps)
+        if self._first >= end:
+            raise WiringError(f"no step from {self._first} to {end}: the recording has {steps}")
         return dataclasses.replace(scenario, window=1, batch=1, steps=end)
-
-    def when(self, step: int) -> str:
-        """Return a step and its time."""
-        return f"step {step}, {step * self._step_ns * 1e-9:g} s"
 
     def limit(self, released: int) -> int:
         """Return the first step whose time has not come."""
-        if self.factor is None and released >= self.first:
+        if self.factor is None and released >= self._first:
             self.set(self._given.rate, released)
         return super().limit(released)
 
-
-class Beside(Observer):
-    """Shows the outputs of a participant beside the recorded ones, and what a play waits for.
-
-    participant: its name. part: which steps are shown.
-    """
-
-    def __init__(self, display: Display, participant: str, part: Part) -> None:
-        self._display, self._participant, self._part = display, participant, part
-        self._shown, self._due_at = "", 0.0
-        self._newest: Callable[[], None] | None = None
-        self._held, self._held_at = -1, 0.0
-
     def compared(self, step: int, lines: Callable[[], list[str]]) -> None:
-        """Show a step; soon, where another has been shown just now."""
-        if step >= self._part.first:
-            self._newest = partial(self._show, step, lines)
-            if time.monotonic() >= self._due_at:
-                self._newest()
-
-    def _show(self, step: int, lines: Callable[[], list[str]]) -> None:
-        shown = [f"{self._part.when(step)}: {line}" for line in lines()]
-        self._due_at = time.monotonic() + len(shown) * _LINES_EVERY_S
-        self._shown, self._newest = "\n".join(shown), None
-        if not has_screen(sys.stdout):
-            self._display.say(self._shown)
+        """Keep a step, until it is shown or another one comes."""
+        if step >= self._first:
+            self._step, self._lines = step, lines
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Show what is said of the play."""
+        """Show an event."""
         self._display.event(level, who, step, text)
 
     def progress(self, progress: Progress) -> None:
@@ -104,28 +75,27 @@ class Beside(Observer):
         elif held >= 0 and now - self._held_at > _PATIENCE_S:
             self._held_at = float("inf")
             text = "has not published this step yet; is it in a debugger? There is no deadline"
-            self.event("waiting", self._participant, held, text)
-        if self._newest is not None:
-            self._newest()
+            self.event("waiting", self._given.participant, held, text)
+        if self._lines is not None:
+            when = f"step {self._step}, {self._step * self._step_ns * 1e-9:g} s: "
+            self._shown, self._lines = "\n".join(when + line for line in self._lines()), None
+            if not has_screen(sys.stdout):
+                self._display.say(self._shown)
         reached = self._display.reached(progress)
-        is_shown = has_screen(sys.stdout) and self._shown
-        note = self._shown if is_shown else reached.note
+        note = self._shown if has_screen(sys.stdout) and self._shown else reached.note
         self._display.show(dataclasses.replace(reached, note=note))
 
 
 def play_command(given: Play) -> Answer:
     """Play a recording to a participant, and return how its outputs differ."""
-    recording, name = Recording(given.recording), given.participant
+    recording, name, pace = Recording(given.recording), given.participant, Pace()
     source = find_source(recording, given.source)
     if source is None:
         check_trust(recording, name, trust=given.trust)
-    ticket, pace, part = given.ticket or Path(f"{name}.ticket"), Pace(), Part(given)
+    ticket = given.ticket or Path(f"{name}.ticket")
     display = Display(sys.stdout, f"play to {name}", below=HELP if has_terminal() else "")
-    with (
-        contextlib.closing(display),
-        interruptible() as interrupt,
-        controlled(pace, interrupt),
-    ):
+    playing = Playing(given, display)
+    with closing(display), interruptible() as interrupt, controlled(pace, interrupt):
         result = replay(
             recording.path,
             name,
@@ -133,14 +103,8 @@ def play_command(given: Play) -> Answer:
             set=given.set,
             recorded=source is None,
             source=source,
-            observer=Beside(display, name, part),
+            observer=playing,
             interrupt=interrupt,
-            extensions=[
-                pace,
-                part,
-                External({name: ticket}),
-                Debug(no_deadline=[name]),
-            ],
+            extensions=[pace, playing, External({name: ticket}), Debug(no_deadline=[name])],
         )
-    code = ExitCode.FINISHED if result.equal else ExitCode.DIFFERENT
-    return Answer(value=None, lines=replayed(result), code=code)
+    return Answer(None, replayed(result), code=0 if result.equal else ExitCode.DIFFERENT)

@@ -213,19 +213,12 @@ def replay(
         replayed = Replayed(opened, scenario, participant, tolerance, start_folder)
         with _new_reference(target, opened, prepared) as sink:
             run = _run(
-                started,
-                replayed,
-                sink,
-                folder=folder,
-                observer=observer,
-                interrupt=interrupt,
-                extensions=extensions,
+                started, replayed, sink, folder, extensions, observer=observer, interrupt=interrupt
             )
     state = run.state
     # From here on, nothing is expected of the participant.
     end = scenario.steps or 0
-    is_stopped = any(item.is_stopping for item in extensions if isinstance(item, Pace))
-    if not is_stopped:
+    if not any(item.is_stopping for item in extensions if isinstance(item, Pace)):
         replayed.miss_below(end + Schedule(scenario).closing(participant, end))
     if state.end is not None and state.end[0] < end:
         replayed.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
@@ -261,11 +254,11 @@ def _run(
     scenario: Scenario,
     replayed: Replayed,
     sink: Sink,
-    *,
     folder: Path,
+    extensions: Sequence[RunExtension],
+    *,
     observer: Observer | None,
     interrupt: threading.Event | None,
-    extensions: Sequence[RunExtension],
 ) -> Run:
     """Run one participant, and return the run once it has ended, whatever happens.
 
