@@ -1,7 +1,6 @@
 #!/bin/sh
 # Install stepbus with some extras of pyproject.toml into .venv, at the versions of constraints.txt.
-# Does nothing if they are there already. POSIX sh: not every machine has bash.
-# The argument names them, such as sim,report; default: dev, which has all.
+# Does nothing if they are there. POSIX sh: not every machine has bash. Argument: their names; default: dev, all.
 # PYTHON3: the Python to create it with; default: python3.11 or python3.
 set -eu
 cd "$(dirname "$0")/.."
