@@ -1,11 +1,12 @@
-.PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots robots-page pictures check docs bench soak campaign simulate clean setup
+.PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots robots-page pictures check docs bench soak campaign simulate clean setup setup-demo
+.NOTPARALLEL:  # `make -j demo test` would install twice at a time
 
 PYTHON := .venv/bin/python
 
 help:
 	@echo "make setup      create .venv with python3.11 or python3; PYTHON3=python3.13 selects another"
-	@echo "make demo       run the two-link arm for 10 s and plot it"
-	@echo "make test       run the fast tests"
+	@echo "make demo       install what a run needs, run the two-link arm for 10 s and plot it"
+	@echo "make test       install the rest, run the fast tests"
 	@echo "make fresh      run both in an empty clone, with only Python, make and git on the PATH"
 	@echo "make test-rest  run the fast tests that make fresh FRESH='--passed F' did not: BUT=F"
 	@echo "make test-engine run the tests of the plant with MuJoCo: ENGINE=mujoco"
@@ -30,7 +31,7 @@ help:
 	@echo "make soak       run a million steps: checks that memory stays constant and reports stay fast (5 min)"
 	@echo "make clean      remove .venv and caches; keep runs/"
 
-demo: setup
+demo: setup-demo
 	@$(PYTHON) -c "import sys; from importlib.util import find_spec; find_spec('pybullet') or print( \
 		'the physics engine is MuJoCo: PyBullet has no wheel for Python %d.%d' % sys.version_info[:2])"
 	@.venv/bin/stepbus run two_link
@@ -168,6 +169,8 @@ clean:
 
 # Each process of a run imports our code. With PYTHONDONTWRITEBYTECODE, as in many containers, it would
 # also compile it each time, which took a quarter of the start-up time.
-setup:
-	@scripts/setup_venv.sh
+setup: EXTRAS := dev
+setup-demo: EXTRAS := sim,report
+setup setup-demo:
+	@scripts/setup_venv.sh $(EXTRAS)
 	@$(PYTHON) -m compileall -q api orchestrator participant scenarios schemas services store tools

@@ -1,12 +1,14 @@
 #!/bin/sh
-# Install what pyproject.toml requires into .venv, at the versions of constraints.txt.
-# Does nothing if that is done already. POSIX sh: not every machine has bash.
+# Install stepbus with some extras of pyproject.toml into .venv, at the versions of constraints.txt.
+# Does nothing if they are there. POSIX sh: not every machine has bash. Argument: their names; default: dev, all.
 # PYTHON3: the Python to create it with; default: python3.11 or python3.
 set -eu
 cd "$(dirname "$0")/.."
 
 venv=.venv
-stamp=$venv/.stepbus-installed
+extras=${1:-dev}
+full=$venv/.stepbus-installed
+if [ "$extras" = dev ]; then stamp=$full; else stamp=$full-$extras; fi
 
 wanted=${PYTHON3:-}
 if [ -n "$wanted" ]; then set -- "$wanted"; else set -- python3.11 python3; fi
@@ -25,9 +27,9 @@ if [ -n "$wanted" ]; then
     fi
 fi
 
-# The stamp names the folder: in a copied one, .venv would still run the code of the original.
-if [ "$(cat "$stamp" 2>/dev/null)" = "$PWD" ] && [ "$stamp" -nt pyproject.toml ] && [ "$stamp" -nt constraints.txt ] &&
-    "$venv/bin/python" -c '' 2>/dev/null; then
+# A stamp names the folder: in a copied one, .venv would still run the code of the original.
+is_newest() { [ "$(cat "$1" 2>/dev/null)" = "$PWD" ] && [ "$1" -nt pyproject.toml ] && [ "$1" -nt constraints.txt ]; }
+if { is_newest "$stamp" || is_newest "$full"; } && "$venv/bin/python" -c '' 2>/dev/null; then
     exit 0
 fi
 
@@ -54,15 +56,19 @@ if ! "$venv/bin/python" -c 'import sys; sys.exit(sys.version_info >= (3, 12))'; 
     echo "note: PyBullet has no wheel for $("$venv/bin/python" --version); the plant uses MuJoCo"
 fi
 
-echo "installing the packages of constraints.txt into $venv (1 to 2 minutes, only once)"
+if [ "$extras" = dev ]; then lasts="1 to 2 minutes"; else lasts="half a minute"; fi
+echo "installing stepbus[$extras] into $venv ($lasts, only once)"
+# A terminal shows one line, which changes; elsewhere the log has them all.
+up=$(printf '\033[A\033[K') found=d
+if [ -t 1 ]; then found="s/^Collecting \([^ <>=~!]*\).*/$up  found \1/p"; echo; fi
 log=$venv/setup.log
 failed=$venv/setup.failed  # a pipe has the exit code of its last command only
 rm -f "$failed"
 {
     "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-        -c constraints.txt -e '.[dev]' 2>&1 || touch "$failed"
+        -c constraints.txt -e ".[$extras]" 2>&1 || touch "$failed"
 } | tee "$log" |
-    sed -u -n -e 's/^Collecting \([^ <>=~!]*\).*/  found \1/p' -e 's/^Installing collected.*/  unpacking/p'
+    sed -u -n -e "$found"
 if [ -e "$failed" ]; then
     tail -n 15 "$log" >&2
     echo "installation failed; the full output is in $log" >&2

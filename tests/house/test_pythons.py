@@ -1,4 +1,4 @@
-"""The Python of `make setup`."""
+"""The Python of `make setup`, and what it installs there."""
 
 import os
 import shutil
@@ -22,3 +22,17 @@ def test_a_python_that_does_not_run_is_one_sentence_and_changes_nothing(tmp_path
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("PYTHON3=python2.9 does not run")
     assert (tmp_path / ".venv").is_dir()
+
+
+def test_what_is_installed_is_not_installed_again(tmp_path):
+    for name in ("scripts", ".venv/bin"):
+        (tmp_path / name).mkdir(parents=True)
+    for name in ("scripts/setup_venv.sh", "pyproject.toml", "constraints.txt"):
+        shutil.copyfile(CHECKOUT / name, tmp_path / name)
+    python = tmp_path / ".venv/bin/python"
+    python.write_text('#!/bin/sh\ncase "$*" in *install*) echo "$@" >>installed;; esac\n')
+    python.chmod(0o755)
+    for extras in ("sim,report", "sim,report", "dev", "dev", "sim,report"):
+        subprocess.run(["sh", "scripts/setup_venv.sh", extras], check=True, cwd=tmp_path)
+    installed = (tmp_path / "installed").read_text().splitlines()
+    assert [line.split()[-1] for line in installed] == [".[sim,report]", ".[dev]"]

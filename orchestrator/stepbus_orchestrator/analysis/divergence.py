@@ -2,10 +2,10 @@
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property, partial
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import msgspec
 
@@ -18,8 +18,10 @@ from stepbus_orchestrator.analysis.tolerance import (
     short,
 )
 from stepbus_schemas import SHIPPED, Decoder, MessageError, Types, WiringError, json_schema
+from stepbus_schemas.messages import JointMode
 
 _INDEX = re.compile(r"\[(\d+)\]")
+_MOST_VALUES = 12
 DivergenceType = Literal["value", "encoding", "missing", "added"]
 
 
@@ -198,6 +200,22 @@ class PortComparison:
         except (MessageError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
             return data.hex()
 
+    def beside(self, first: bytes | None, second: bytes | None) -> str:
+        """Return the second message in words, as `value | first (difference)` where they differ."""
+        one = {} if first is None else dict(_leaves("", self.plain(first)))
+        other = {} if second is None else dict(_leaves("", self.plain(second)))
+        texts: list[str] = []
+        for path in dict.fromkeys((*other, *one)):
+            value, was = other.get(path), one.get(path)
+            texts.append(f"{_named(path, self._name_of(path))} {_brief(value)}")
+            if first != second and value != was:
+                gap = difference(was, value)
+                texts[-1] += f" | {_brief(was)}" + ("" if gap is None else f" ({gap:.3g})")
+            texts[-1] += self._unit(path, other)
+        more = ", …" if len(texts) > _MOST_VALUES else ""
+        same = " as recorded" if first == second else ""
+        return f"{same}: {', '.join(texts[:_MOST_VALUES])}{more}"
+
     def result(self) -> PortResult:
         """Return the comparison so far."""
         return PortResult(
@@ -245,15 +263,40 @@ class PortComparison:
         return self._names[int(match[1])] if path[: match.start()] in self._per_name else ""
 
     @cached_property
+    def _schema(self) -> Mapping[str, Any]:
+        known = fields_of(self.type_name, self._types)
+        return json_schema(self.type_name, self._types)["properties"] if known else {}
+
+    @cached_property
     def _per_name(self) -> set[str]:
         """Return the fields that have one value for each name of the port's description."""
-        fields = json_schema(self.type_name, self._types)["properties"]
-        return {name for name, field in fields.items() if field.get("shape", [])[:1] == ["n"]}
+        fields = self._schema.items()
+        return {name for name, field in fields if field.get("shape", [])[:1] == ["n"]}
+
+    def _unit(self, path: str, message: Mapping[str, Any]) -> str:
+        """Return the unit of a field, after a space; some have one for each mode."""
+        units = self._schema.get(path.partition("[")[0], {}).get("unit", "").split(", ")
+        modes, mode = get_args(JointMode), message.get("mode")
+        unit = units[modes.index(mode)] if len(units) == len(modes) and mode in modes else units[0]
+        return "" if unit in {"", "-"} else f" {unit}"
 
     def _allowed(self, name: str) -> FieldTolerance | None:
         if name not in self._fields:
             self._fields[name] = self._tolerance.of(self.topic, name)
         return self._fields[name]
+
+
+def _leaves(path: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield path → value of all that is in a message, but for what is absent."""
+    if isinstance(value, dict | list | tuple):
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _leaves(f"{path}[{key}]" if path else str(key), part)
+    elif value is not None:
+        yield path, value
+
+
+def _brief(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else "-" if value is None else short(value)
 
 
 def fields_of(type_name: str, types: Types = SHIPPED) -> tuple[str, ...]:

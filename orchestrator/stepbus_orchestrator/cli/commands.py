@@ -277,6 +277,38 @@ class Replay(Command, work="compare", group="test", is_run=True):
     json: Json = False
 
 
+class Play(Command, work="play", group="test", is_run=True):
+    """Play a recording slowly to one participant that you start yourself.
+
+    Waits for a participant that you start with `stepbus join TICKET`, in a debugger for example,
+    and publishes the recorded messages of all others to it, at a rate of your choice. Shows its
+    outputs, beside the recorded ones where they differ: `value | recorded (difference)`. It has no
+    deadlines. In a terminal, p pauses and resumes, s makes one step, q stops. Exit code 0: equal,
+    10: different.
+
+    $ stepbus play runs/arm --participant controller --rate 0.2
+    $ stepbus play runs/arm --participant controller --from 3s --to 5s
+    """
+
+    recording: Recording
+    _: KW_ONLY
+    participant: Annotated[str, Parameter(metavar="NAME")]
+    """participant that you start"""
+    rate: Annotated[_Factor, Parameter(metavar="FACTOR")] = 1.0
+    """steps by the wall clock, at FACTOR times real time"""
+    begin: Annotated[str, Parameter(name="--from", metavar="STEP")] = "0"
+    """pace and show from this step on, or time such as 3s; before it, as fast as possible"""
+    end: Annotated[str, Parameter(name="--to", metavar="STEP")] = ""
+    """end before this step, or time"""
+    ticket: File = None
+    """where its ticket is put (default: NAME.ticket in the current folder)"""
+    tolerances: Annotated[Tolerances, FLAT] = Tolerances()
+    set: Set = ()
+    source: Folder = None
+    """folder or file of the scenario, as in replay"""
+    trust: Trust = False
+
+
 class Rerun(Command, work="repeat", group="test", is_run=True):
     """Repeat a run from its recording alone.
 

@@ -27,12 +27,12 @@ _SHOWN_HASH = 12
 
 def diff_command(given: Diff) -> Answer:
     """Return how two recordings differ."""
-    difference = diff(given.first, given.second, _tolerance(given.tolerances))
+    difference = diff(given.first, given.second, tolerance_of(given.tolerances))
     code = ExitCode.FINISHED if difference.equal else ExitCode.DIFFERENT
     return Answer(value=difference, lines=[difference.text()], code=code)
 
 
-def _tolerance(given: Tolerances, participant: str = "") -> Tolerance:
+def tolerance_of(given: Tolerances, participant: str = "") -> Tolerance:
     """Return the tolerance; the command line takes precedence over the file."""
     from_file = Tolerance() if given.tolerance is None else read_tolerance(given.tolerance)
     return from_file | parse_tolerance(given.abs, given.rel, given.ignore, participant)
@@ -49,7 +49,7 @@ def replay_command(given: Replay) -> Answer:
         )
     is_copy = given.recorded or bool(program)
     source = None if is_copy else find_source(Recording(recording), given.source)
-    tolerance = _tolerance(given.tolerances, participant)
+    tolerance = tolerance_of(given.tolerances, participant)
     if source is None:
         check_trust(Recording(recording), participant, trust=given.trust, own_program=bool(program))
     with (
@@ -72,12 +72,13 @@ def replay_command(given: Replay) -> Answer:
         )
     return Answer(
         value={**msgspec.structs.asdict(result), "steps_per_s": result.steps_per_s},
-        lines=_replayed(result),
+        lines=replayed(result),
         code=ExitCode.FINISHED if result.equal else ExitCode.DIFFERENT,
     )
 
 
-def _replayed(result: ReplayResult) -> Iterator[str]:
+def replayed(result: ReplayResult) -> Iterator[str]:
+    """Yield the lines of a replay."""
     yield result.text()
     yield f"wall time {result.wall_s:.2f} s ({result.steps_per_s:.0f} steps/s)"
     if result.updated is not None:

@@ -47,7 +47,7 @@ def run_command(given: Run) -> int:
     is_read = not (given.json and given.no_report)
     for point in points(AFTER_RUN) if is_read else ():
         point.load()
-    pace = Pace(_step(given.pause_at, loaded.step_ns))
+    pace = Pace(step_of(given.pause_at, loaded.step_ns))
     options = Options(
         out=given.out,
         host=host_of(in_process=given.in_process, owns_descriptors=not given.debug),
@@ -112,7 +112,7 @@ def _load(given: Run) -> Scenario:
     return scenario
 
 
-def _step(text: str, step_ns: int) -> int | None:
+def step_of(text: str, step_ns: int) -> int | None:
     """Return a step from its number or its time; None where there is none."""
     return int(text) if text.isdecimal() else whole_steps(text, step_ns) if text else None
 

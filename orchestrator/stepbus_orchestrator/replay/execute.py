@@ -27,8 +27,9 @@ from stepbus_orchestrator.replay.recorded import recorded_descriptions
 from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.replay.trust import find_source, programs_of
-from stepbus_orchestrator.run.extension import RunView
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
+from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.folder import LOGS_FOLDER, read_files, scratch_folder
 from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.kernel.barrier import FAR
@@ -131,7 +132,13 @@ class Replayed(Repetition):
                     f"{when}: {name}.{port} is {exc}", participant=name, step=step
                 ) from exc
         super().compare_step(name, step, recorded, own)
+        self.run.observer.compared(step, partial(self._beside, recorded, own))
         self._next = step + self.spec.every
+
+    def _beside(self, recorded: Ports, own: Ports) -> list[str]:
+        ports = self.comparisons[self.spec.name].items()
+        pairs = ((port, one, recorded.get(port), own.get(port)) for port, one in ports)
+        return [f"{port}{one.beside(*both)}" for port, one, *both in pairs if any(both)]
 
     def miss_below(self, end: int) -> None:
         """Count all recorded outputs of steps below `end` that did not come as missing."""
@@ -158,6 +165,7 @@ def replay(
     program: Sequence[str] | None = None,
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
+    extensions: Sequence[RunExtension] = (),
 ) -> ReplayResult:
     """Run one participant on its recorded inputs and compare its outputs with the recording.
 
@@ -171,7 +179,7 @@ def replay(
     program of the scenario. source: folder or file of the scenario (default: the file that
     result.json names, or else the current folder). bridge: start the program through `stepbus
     bridge`. program: start this program instead of the recorded one, in the current folder; all
-    following arguments belong to it. observer, interrupt: as in `run`.
+    following arguments belong to it. observer, interrupt, extensions: as in `run`.
 
     Raises WiringError (ScenarioError) when the recording, participant or tolerance are invalid,
     RunFailure, which quotes the log, when the participant fails.
@@ -194,6 +202,8 @@ def replay(
             source=file,
         )
         scenario = shorten(prepared.scenario, opened, participant, window)
+        for extension in extensions:
+            scenario = extension.prepare(scenario)
         specs = [
             replaced_program(spec, program or (), bridge) if spec.name == participant else spec
             for spec in scenario.participants
@@ -203,12 +213,13 @@ def replay(
         replayed = Replayed(opened, scenario, participant, tolerance, start_folder)
         with _new_reference(target, opened, prepared) as sink:
             run = _run(
-                started, replayed, sink, folder=folder, observer=observer, interrupt=interrupt
+                started, replayed, sink, folder, extensions, observer=observer, interrupt=interrupt
             )
     state = run.state
     # From here on, nothing is expected of the participant.
     end = scenario.steps or 0
-    replayed.miss_below(end + Schedule(scenario).closing(participant, end))
+    if not any(item.is_stopping for item in extensions if isinstance(item, Pace)):
+        replayed.miss_below(end + Schedule(scenario).closing(participant, end))
     if state.end is not None and state.end[0] < end:
         replayed.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
     ports = replayed.results()
@@ -243,8 +254,9 @@ def _run(
     scenario: Scenario,
     replayed: Replayed,
     sink: Sink,
-    *,
     folder: Path,
+    extensions: Sequence[RunExtension],
+    *,
     observer: Observer | None,
     interrupt: threading.Event | None,
 ) -> Run:
@@ -261,7 +273,7 @@ def _run(
         out=folder,
         observer=observer,
         interrupt=interrupt,
-        extensions=[replayed, Calls(recorded_calls(recording, name))],
+        extensions=[*extensions, replayed, Calls(recorded_calls(recording, name))],
     )
     make_new_folder(folder / LOGS_FOLDER)
     run.take_place(host)

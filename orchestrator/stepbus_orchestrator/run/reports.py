@@ -1,6 +1,6 @@
 """What a run reports: progress, events and lateness; none of it has an effect on the run."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 import msgspec
@@ -53,6 +53,9 @@ class Observer:
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
         """Receive an event as a text for the user."""
+
+    def compared(self, step: int, lines: Callable[[], list[str]]) -> None:
+        """Receive a step of a replay. lines: returns each output in words, beside the recorded."""
 
 
 def progress_of(
