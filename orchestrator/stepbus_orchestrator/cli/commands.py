@@ -330,12 +330,15 @@ class Diff(Command, work="compare", group="test"):
     $ stepbus diff runs/a/run.mcap runs/b/run.mcap
     $ stepbus diff a.mcap b.mcap --abs controller/command.values=1e-9
     $ stepbus diff a.mcap b.mcap --tolerance tolerance.yaml --json
+    $ stepbus diff runs/a runs/b --code
     """
 
     first: Recording
     second: Recording
     _: KW_ONLY
     tolerances: Annotated[Tolerances, FLAT] = Tolerances()
+    code: bool = False
+    """show how the recorded scenarios and their files differ, as a unified diff"""
     json: Json = False
 
 
