@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Iterator
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.cli import standby
@@ -92,6 +92,7 @@ class _Watch:
         self._state = _State({}, "not yet loaded")
         self._out = given.out
         self._folder = Path()
+        self._shown: Path | None = None
         self._before: Path | None = None
         self._run: subprocess.Popen[bytes] | None = None
         self._next: tuple[subprocess.Popen[bytes], int] | None = None
@@ -143,11 +144,14 @@ class _Watch:
 
     def follow(self, interrupt: threading.Event) -> None:
         """Tell how a run that has just ended compares with the one before."""
-        if self._run is None or self._run.poll() is None or interrupt.is_set():
+        if self._run is None or interrupt.is_set():
             return
-        code, self._run = self._run.returncode, None
-        self._next = _spawned()
-        self._show("")
+        code = self._run.poll()
+        if self._shown != self._folder:
+            self._show("")
+        if code is None:
+            return
+        self._run, self._next = None, _spawned()
         recording = self._folder / RUN_FILE
         if code == 0 and self._before is not None:
             try:
@@ -166,6 +170,7 @@ class _Watch:
         """Let the page show the newest run, where it has a report."""
         if not (self._folder / _REPORT).exists():
             return
+        self._shown = self._folder
         page, newest = self._folder.with_name(_PAGE), self._folder.with_name(_NEWEST)
         shown = json.dumps([f"{self._folder.name}/{_REPORT}", f"{self._folder}  {line}"])
         try:
@@ -187,6 +192,9 @@ class _Watch:
             waited_s += _AGAIN_S
             if waited_s - _AGAIN_S < _PATIENCE_S <= waited_s:
                 print_error(f"waiting for the run (pid {run.pid}) to end")
+        if run is not None and run.returncode == 0:
+            # Only its report was interrupted.
+            self._before = self._folder / RUN_FILE
         self._run = None
 
     def close(self) -> None:
@@ -222,10 +230,13 @@ def _spawned() -> tuple[subprocess.Popen[bytes], int]:
 
 def _compared(before: Path, now: Path) -> str:
     """Return how a run differs from the one before, in one line."""
-    parts = []
+    parts: list[str] = []
+    with Recording(before) as first, Recording(now) as second:
+        last, result = result_beside(first), result_beside(second)
+    if last is None or result is None:
+        return "cannot be compared with the run before: a result.json is missing"
     with contextlib.suppress(ExtraMissing):
-        metrics: Any = view("metrics")
-        old, new = (metrics(result_beside(Recording(path))) for path in (before, now))
+        old, new = map(view("metrics"), (last, result))
         if "rmse" in old and "rmse" in new:
             unit = new.units["rmse"]
             figures = (f"{1e3 * each['rmse']:.3g}" for each in (old, new))
@@ -236,8 +247,7 @@ def _compared(before: Path, now: Path) -> str:
     elif found.divergence is None:
         parts.append("other ports than the run before")
     else:
-        step_s = result_beside(Recording(now)).step_ns * 1e-9
-        at = f"step {found.divergence.step}, t = {found.divergence.step * step_s:.2f} s"
-        what = found.divergence.detail("before", "now")
-        parts.append(f"diverges from the run before at {at}: {what}")
+        step, what = found.divergence.step, found.divergence.detail("before", "now")
+        t_s = step * result.step_ns * 1e-9
+        parts.append(f"diverges from the run before at step {step}, t = {t_s:g} s: {what}")
     return "; ".join(parts)
