@@ -26,6 +26,7 @@ from stepbus_orchestrator.run.result import result_beside
 from stepbus_orchestrator.scenario.extend import chain
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.scenario_files import WATCH_FILE
 from stepbus_participant import ExtraMissing, make_folder, need, read_file, replaced
 from stepbus_schemas import StepbusError, WiringError
 
@@ -34,7 +35,7 @@ _TICK_MS = 100
 _LONGEST_MS = 1600
 _AGAIN_S = 0.2
 _PATIENCE_S = 5.0
-_PAGE, _REPORT, _NEWEST = "watch.html", "report.html", "newest.js"
+_PAGE, _REPORT, _NEWEST = "watch.html", "report.html", WATCH_FILE
 
 
 class _State(NamedTuple):
