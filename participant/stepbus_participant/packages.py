@@ -26,7 +26,7 @@ EXTRAS = {
     ),
     "sim": ("coal", "pinocchio", "pybullet", "ruckig"),
     "mujoco": ("mujoco",),
-    "report": ("graphviz-pure", "matplotlib", "uplot"),
+    "report": ("graphviz-pure", "matplotlib", "uplot", "watchfiles"),
     "export": ("PIL", "av", "pandas", "pyarrow", "rosbags"),
     "sweep": ("optuna", "scipy", "uplot"),
     "cluster": ("ray",),

@@ -22,7 +22,9 @@ def after_run(recording: Path, *, has_plots: bool) -> list[str]:
         from stepbus_tools.viewing.page import PAGE_FILE, RunPage, render_page  # noqa: PLC0415
 
         run = RunPage(recording)
-        lines = [*run.lines, *run.draw()]
-        return [*lines, f"report    {render_page([run], run.path.with_name(PAGE_FILE))}"]
+        lines = [*run.lines]
+        # Before the picture, which takes longer: the page may be looked at already.
+        page = render_page([run], run.path.with_name(PAGE_FILE))
+        return [*lines, *run.draw(), f"report    {page}"]
     except (StepbusError, OSError) as exc:
         return [*lines, f"no report {exc}"]

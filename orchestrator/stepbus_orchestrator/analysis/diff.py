@@ -6,6 +6,7 @@ from typing import TypeVar
 
 import msgspec
 
+from stepbus_orchestrator.analysis.code import FileChange, changes
 from stepbus_orchestrator.analysis.divergence import (
     Divergence,
     PortComparison,
@@ -16,7 +17,7 @@ from stepbus_orchestrator.analysis.divergence import (
 )
 from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
 from stepbus_orchestrator.recording import Entry, Recording
-from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, Source
+from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, SCENARIO_ATTACHMENT, Source, files_of
 from stepbus_orchestrator.scenario.ports import RECORD_ALL
 from stepbus_schemas import SHIPPED
 
@@ -29,7 +30,8 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
     equal: whether both have the same ports with the same messages, within the tolerance. ports:
     ordered by the step of their first divergence; equal ones last. divergence: the first
     divergence. only_first, only_second: topics in only one of them. steps: newest step of each; −1
-    without a message. notes: other differences: attachments, versions, descriptions, damage.
+    without a message. notes: other differences: attachments, versions, descriptions, damage. code:
+    how scenario and files differ; None: not compared.
     """
 
     first: str
@@ -41,13 +43,15 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
     only_second: Sequence[str]
     steps: tuple[int, int]
     notes: Sequence[str]
+    code: Sequence[FileChange] | None = None
 
     def text(self) -> str:
         """Return the differences as text, with the first divergence first."""
         lines = [*self._headline()]
         for port in self.ports:
             lines += port_lines(port, "first", "second", self.divergence)
-        return "\n".join([*lines, *self.notes])
+        code = [line for change in self.code or () for line in change.lines()]
+        return "\n".join([*lines, *self.notes, *code])
 
     def _headline(self) -> Iterator[str]:
         count = sum(port.equal + port.within for port in self.ports)
@@ -55,6 +59,9 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
             yield f"equal: {count} messages on {len(self.ports)} ports"
         elif self.divergence is not None:
             yield f"first divergence: {self.divergence.text()}"
+        if self.code is not None:
+            places = ", ".join(change.place for change in self.code)
+            yield f"changed code: {places or 'none'}"
         if self.steps[0] != self.steps[1]:
             yield f"the first ends at step {self.steps[0]}, the second at step {self.steps[1]}"
         for side, topics in (("first", self.only_first), ("second", self.only_second)):
@@ -63,13 +70,19 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def diff(
-    first: Source, second: Source, tolerance: AnyTolerance = None, *, is_part: bool = False
+    first: Source,
+    second: Source,
+    tolerance: AnyTolerance = None,
+    *,
+    is_part: bool = False,
+    code: bool = False,
 ) -> Diff:
     """Compare the messages of two recordings, which may differ in length or be truncated.
 
     first: a recording, or the folder of its run. second: a recording, or the folder of its run.
     tolerance: tolerances by port, such as `controller/command`; default: byte-identical. is_part:
-    the first lacks messages: ignore everything after its end and in its gaps.
+    the first lacks messages: ignore everything after its end and in its gaps. code: compare their
+    scenarios and files too, line by line.
 
     Raises RecordingFailed when one cannot be read, WiringError when the tolerance names a port or
     field that neither recording has.
@@ -101,7 +114,15 @@ def diff(
         only_second=only_second,
         steps=(one.last_step, other.last_step),
         notes=list(_notes(one, other, topics)),
+        code=changes(_sources(one), _sources(other)) if code else None,
     )
+
+
+def _sources(recording: Recording) -> dict[str, bytes]:
+    """Return the resolved scenario and its files, by name."""
+    names = (SCENARIO_ATTACHMENT,) if SCENARIO_ATTACHMENT in recording.attachments else ()
+    scenario = {name: recording.attachments[name] for name in names}
+    return {**files_of(recording.attachments), **scenario}
 
 
 def _missing(one: Recording, other: Recording) -> list[str]:

@@ -48,6 +48,7 @@ class Run(Command, work="run_command", group="run", is_run=True):
     $ stepbus run two_link --fault 'freeze controller at 500 for 200ms'
     $ stepbus run my/scenario.yaml --debug controller
     $ stepbus run two_link --view --real-time
+    $ stepbus run my/scenario.yaml --watch
     $ stepbus run two_link --external controller
     $ stepbus run two_link --external controller=/tmp/c.ticket
     """
@@ -96,6 +97,9 @@ class Run(Command, work="run_command", group="run", is_run=True):
     """show the live run in 3D in the browser (docs/guide/looking/viewing.md)"""
     no_open: bool = False
     """with --view, do not open a browser"""
+    watch: bool = False
+    """run again when the scenario or a file of it changes, until Ctrl-C; the runs are numbered
+    folders in --out (default: runs/<name>-watch)"""
 
 
 class Validate(Command, work="scenarios", group="run"):
@@ -367,12 +371,15 @@ class Diff(Command, work="compare", group="test"):
     $ stepbus diff runs/a/run.mcap runs/b/run.mcap
     $ stepbus diff a.mcap b.mcap --abs controller/command.values=1e-9
     $ stepbus diff a.mcap b.mcap --tolerance tolerance.yaml --json
+    $ stepbus diff runs/a runs/b --code
     """
 
     first: Recording
     second: Recording
     _: KW_ONLY
     tolerances: Annotated[Tolerances, FLAT] = Tolerances()
+    code: bool = False
+    """show how the recorded scenarios and their files differ, as a unified diff"""
     json: Json = False
 
 

@@ -27,7 +27,7 @@ _SHOWN_HASH = 12
 
 def diff_command(given: Diff) -> Answer:
     """Return how two recordings differ."""
-    difference = diff(given.first, given.second, tolerance_of(given.tolerances))
+    difference = diff(given.first, given.second, tolerance_of(given.tolerances), code=given.code)
     code = ExitCode.FINISHED if difference.equal else ExitCode.DIFFERENT
     return Answer(value=difference, lines=[difference.text()], code=code)
 

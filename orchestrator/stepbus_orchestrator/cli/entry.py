@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from stepbus_orchestrator.processes import PYTHON
 
 from .interrupts import INTERRUPTED, SENTENCE, SIGNALS, interrupt, leave, on_signals
+from .standby import take, watches
 
 _IN_PROCESS = "--in-process"
 _INTERNAL = 1
@@ -33,7 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     on_signals(leave)
     # The supervisor starts this program with them blocked.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-    if _IN_PROCESS in sys.argv[1:] or sys.argv[1:2] == ["verify"]:
+    is_host = _IN_PROCESS in sys.argv[1:] or sys.argv[1:2] == ["verify"]
+    if is_host and not watches(sys.argv):
         # It hosts participants.
         from .supervisor import adopt, settle, supervise  # noqa: PLC0415  (see the top)
 
@@ -60,7 +62,9 @@ def _execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None
         from stepbus_orchestrator.processes.warm import warm_parent  # noqa: PLC0415  (see the top)
 
         # From here on, it loads on a core of its own what participants need.
-        is_forking = arguments[0] == "run" and _IN_PROCESS not in arguments
+        is_run = arguments[0] == "run" and not watches(arguments)
+        is_forking = is_run and _IN_PROCESS not in arguments
+        take()
         with warm_parent() if is_forking else contextlib.nullcontext():
             from .dispatch import execute  # noqa: PLC0415  (loads everything)
 

@@ -247,6 +247,7 @@ def replay(
         else str(file.relative_to(here) if file.is_relative_to(here) else file),
         changes=prepared.notes,
         notes=notes,
+        code=prepared.code,
     )
 
 

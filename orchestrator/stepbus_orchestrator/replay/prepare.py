@@ -1,6 +1,7 @@
 """From a recording to the scenario of its replay."""
 
 import dataclasses
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,8 @@ from typing import Any
 
 from msgspec import structs, to_builtins
 
+from stepbus_orchestrator.analysis.code import FileChange
+from stepbus_orchestrator.analysis.code import changes as file_changes
 from stepbus_orchestrator.analysis.tolerance import differences, short
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.processes.slots import slot_counts
@@ -20,6 +23,7 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_orchestrator.scenario.scenario_files import find_files
 from stepbus_participant import suggest
+from stepbus_participant.parameters import Keys, YamlFile
 from stepbus_schemas import WiringError
 
 _NO_PROGRAM = "[python]"
@@ -31,13 +35,15 @@ class Prepared:
 
     scenario: as recorded, but for the participant's program and parameters. files: those of the
     user's scenario, by name; None where the recording's are taken. is_changed: whether the scenario
-    is not the recorded one. notes: how scenario and files differ from the recorded ones.
+    is not the recorded one. notes: how scenario and files differ from the recorded ones. code: the
+    files that do, line by line.
     """
 
     scenario: Scenario
     files: Mapping[str, Path] | None = None
     is_changed: bool = False
     notes: Sequence[str] = ()
+    code: Sequence[FileChange] = ()
 
 
 def prepare(
@@ -112,7 +118,9 @@ def _from_source(
     spec = structs.replace(old, **{key: getattr(new, key) for key in (*PROGRAM, *timeouts)})
     specs = [spec if other is old else other for other in scenario.participants]
     today_files = find_files(today).paths
-    values = list(_changed_values(old, new))
+    sides = ("recorded", "tested")
+    code = file_changes(recorded_files, read_files(today_files), sides)
+    values = list(_changed_values(old, new, read_extended(source)))
     kept = ", ".join(rewired(scenario, today, [participant]))
     unused = f"{kept}: changed since the recording; the replay uses the recorded values"
     return Prepared(
@@ -121,27 +129,38 @@ def _from_source(
         is_changed=bool(overrides or values),
         notes=[
             *(f"--set {text}" for text in overrides),
-            *_changed_files(recorded_files, read_files(today_files)),
+            *(_file_note(change) for change in code),
             *values,
             *([unused] if kept else []),
         ],
+        code=code,
     )
 
 
-def _changed_files(recorded: Mapping[str, bytes], today: Mapping[str, bytes]) -> Iterator[str]:
-    for name in sorted({*recorded, *today}):
-        if recorded.get(name) != today.get(name):
-            yield f"{name} differs from the recorded one"
+def _file_note(change: FileChange) -> str:
+    what = f": {change.what}" if change.what else ""
+    return f"{change.place} differs from the recorded one{what}"
 
 
-def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> Iterator[str]:
+def _changed_values(old: ParticipantSpec, new: ParticipantSpec, file: YamlFile) -> Iterator[str]:
+    """Yield how the program and the parameters differ, and where the scenario has them."""
     for key in PROGRAM:
         recorded, today = (to_builtins(getattr(spec, key)) for spec in (old, new))
         for item in differences(f"{old.name}.{key}", recorded, today, None):
             now, was = (
                 "absent" if value is None else short(value) for value in (item.second, item.first)
             )
-            yield f"{item.path} is {now}, recorded {was}"
+            yield f"{item.path} is {now}, recorded {was}{_place(file, item.path)}"
+
+
+def _place(file: YamlFile, path: str) -> str:
+    """Return where a scenario has the value at a path such as `plant.params.q0[1]`, in brackets."""
+    words = ("participants", *re.findall(r"[^.\[\]]+", path))
+    keys: Keys = tuple(int(word) if word.isdecimal() else word for word in words)
+    # What is gone, or is a default, is missing below one of these.
+    known = (keys[:n] for n in range(len(keys), 1, -1) if keys[:n] in file.places)
+    place = next(map(file.places.__getitem__, known), None)
+    return f" ({place})" if place else ""
 
 
 def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:

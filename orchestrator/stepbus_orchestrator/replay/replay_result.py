@@ -5,6 +5,7 @@ from typing import Any
 
 import msgspec
 
+from stepbus_orchestrator.analysis.code import FileChange
 from stepbus_orchestrator.analysis.divergence import Divergence, PortResult, port_lines
 from stepbus_orchestrator.analysis.tolerance import short
 from stepbus_orchestrator.recording import Recording
@@ -28,7 +29,7 @@ class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
     by the step of their first divergence. wall_s: from the first trigger to the end [s]. updated:
     the new reference recording, if requested. source: the scenario in the work tree whose program
     was started; empty: the recorded copy, or another program. changes: how it differs from the
-    recorded one. notes: other differences.
+    recorded one. notes: other differences. code: the files that differ, line by line.
     """
 
     recording: str
@@ -43,6 +44,7 @@ class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
     source: str
     changes: Sequence[str]
     notes: Sequence[str]
+    code: Sequence[FileChange] = ()
 
     @property
     def steps_per_s(self) -> float:
@@ -69,6 +71,8 @@ class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
         elif self.source:
             yield f"tested {self.source}, changed since the recording:"
             yield from (f"  {change}" for change in self.changes)
+            if not self.equal:
+                yield from (line for change in self.code for line in change.diff)
         for note in self.notes:
             yield f"note: {note}"
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from stepbus_orchestrator.scenario.locate import builtin_names, locate_from, package_url
 from stepbus_orchestrator.scenario.scenario_files import is_file
-from stepbus_participant import file_in, suggest
+from stepbus_participant import SettingsError, file_in, suggest
 from stepbus_participant.parameters import Keys, YamlFile, read_yaml, show
 
 _KEY = "extends"
@@ -47,6 +47,20 @@ def _read(path: Path, file: str, above: tuple[Path, ...]) -> YamlFile:
         places={**below.places, **document.places},
         own_problems=(*below.own_problems, *document.own_problems),
     )
+
+
+def chain(path: Path) -> list[Path]:
+    """Return a scenario file, and those it extends, as far as they can be read."""
+    found: list[Path] = []
+    base: Path | None = path
+    while base is not None and base.resolve() not in found:
+        found.append(base.resolve())
+        try:
+            name = read_yaml(base, _EXPECTED).data.get(_KEY)
+        except SettingsError:
+            break
+        base = locate_from(name, base.parent) if isinstance(name, str) and name else None
+    return found
 
 
 def _mistake(name: object, base: Path | None, path: Path, chain: tuple[Path, ...]) -> str:

@@ -23,8 +23,10 @@ _MOST_FILES, _MOST_BYTES = 500, 16 << 20
 BUILT = ("__pycache__", "build", "node_modules", "runs", "site-packages", "sweeps", "target")
 """Folders of what is installed, cached, built or recorded."""
 _IGNORED = (*BUILT, ".*", "*.ipynb", "*.log", "*.mcap", "*.md")
-MARKS = {"pyvenv.cfg", "sweep.json", "timing.mcap"}
-"""A folder that has one of these is a virtual environment, a sweep or a run."""
+WATCH_FILE = "stepbus-watch.js"
+"""Beside the runs of a watch: names the newest one to its page."""
+MARKS = {"pyvenv.cfg", "sweep.json", "timing.mcap", WATCH_FILE}
+"""A folder that has one of these is a virtual environment, a sweep, a run or a watch."""
 _SCENARIO = re.compile(r"^(participants|extends)[ \t]*:", re.MULTILINE)
 
 

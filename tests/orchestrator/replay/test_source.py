@@ -70,7 +70,7 @@ def test_a_gain_changed_in_the_scenario_is_caught(project, log):
     result = replay(log, "controller")
     assert not result.equal
     assert result.source == "scenario.yaml"
-    assert list(result.changes) == ["controller.params.kp is 999, recorded 200"]
+    assert list(result.changes) == ["controller.params.kp is 999, recorded 200 (scenario.yaml:17)"]
     assert "tested scenario.yaml, changed since the recording:\n  controller.params.kp is" in (
         result.text()
     )
@@ -81,8 +81,21 @@ def test_a_gain_changed_in_the_program_is_caught(project, log):
     result = replay(log, "controller")
     assert (result.equal, list(result.changes)) == (
         False,
-        ["controller.py differs from the recorded one"],
+        ["controller.py:28 differs from the recorded one"],
     )
+
+
+def test_a_failed_replay_shows_the_line_that_changed_below_the_first_divergence(project, log):
+    edit(project / "arm/controller.py", "kp * error", "2 * kp * error")
+    lines = replay(log, "controller").text().splitlines()
+    assert lines[1].startswith("first divergence: step ")
+    place = lines.index("  controller.py:28 differs from the recorded one")
+    assert lines[place + 1 : place + 3] == [
+        "--- recorded/controller.py",
+        "+++ tested/controller.py",
+    ]
+    old, new = (line for line in lines[place + 3 :] if line[0] in "+-")
+    assert new[1:] == old[1:].replace("kp * error", "2 * kp * error")
 
 
 def test_what_is_as_recorded_is_equal_and_says_what_was_tested(log):
@@ -125,7 +138,7 @@ def test_the_scenario_of_a_run_is_where_its_result_says(project, tmp_path, monke
     edit(project / "arm/scenario.yaml", "kp: 200", "kp: 999")
     monkeypatch.chdir(tmp_path)
     assert list(replay(recording, "controller").changes) == [
-        "controller.params.kp is 999, recorded 200"
+        "controller.params.kp is 999, recorded 200 (scenario.yaml:17)"
     ]
     (project / "arm/scenario.yaml").chmod(0o666)
     assert find_source(Recording(recording)) is None

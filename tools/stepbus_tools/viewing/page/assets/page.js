@@ -355,6 +355,23 @@ for (const box of document.querySelectorAll(".replay"))
     box.append(frame);
   });
 
+// In the page of `stepbus run --watch`, the next run is looked at as this one was.
+const folds = () => [...document.querySelectorAll(".cell, details.group")];
+const sought = document.getElementById("filter");
+addEventListener("message", ({ data, source }) => {
+  if (source !== parent || parent === window) return;
+  if (data === "how") {
+    const open = folds().filter((one) => one.open).map((one) => one.dataset.name);
+    source.postMessage({ range, degrees, open, filter: sought?.value, top: scrollY }, "*");
+  } else if (data.open) {
+    if (data.range) zoom(...data.range);
+    if (data.degrees) document.getElementById("unit").click();
+    if (sought && (sought.value = data.filter)) filter(data.filter);
+    for (const one of folds()) if (data.open.includes(one.dataset.name)) one.open = true;
+    setTimeout(() => scrollTo(0, data.top), 50);
+  }
+});
+
 // What is folded is not printed.
 let opened = [];
 addEventListener("beforeprint", () => {

@@ -1,0 +1,116 @@
+"""What differs between two states of a scenario and its files, as a unified diff."""
+
+import difflib
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import takewhile
+
+import msgspec
+
+_CONTEXT = 3
+_MOST_LINES = 5000
+"""Of all files together: to match more takes minutes where their lines are alike."""
+_MOST_CHARACTERS = 400
+
+
+class FileChange(msgspec.Struct, frozen=True, kw_only=True):
+    """One file that differs.
+
+    line: the first line of the second file that differs; 0 where only one side has the file, or it
+    is no text. what: how it differs, in words; diff: lines of a unified diff; empty where there is
+    none.
+    """
+
+    name: str
+    line: int = 0
+    what: str = ""
+    diff: Sequence[str] = ()
+
+    @property
+    def place(self) -> str:
+        """Return where it differs: `controller.py:12`."""
+        return f"{self.name}:{self.line}" if self.line else self.name
+
+    def lines(self) -> Iterator[str]:
+        """Yield it as text."""
+        if self.what:
+            yield f"{self.place}: {self.what}"
+        yield from self.diff
+
+
+def changes(
+    first: Mapping[str, bytes],
+    second: Mapping[str, bytes],
+    sides: tuple[str, str] = ("first", "second"),
+) -> list[FileChange]:
+    """Return how the files of two sides, by name, differ. sides: what both are called."""
+    left, found = _MOST_LINES, []
+    for key in sorted({*first, *second}):
+        one, other = first.get(key), second.get(key)
+        name = key if key.isprintable() else ascii(key)
+        if one is None or other is None:
+            side, content = (sides[1], other) if one is None else (sides[0], one)
+            what = f"only in the {side} ({len(content or b'')} bytes)"
+            found.append(FileChange(name=name, what=what))
+        elif one != other:
+            change, used = _change(name, one, other, sides, left)
+            left -= used
+            found.append(change)
+    return found
+
+
+def _change(
+    name: str, one: bytes, other: bytes, sides: tuple[str, str], most: int
+) -> tuple[FileChange, int]:
+    """Return how a file differs, and how many lines were matched; most: of them."""
+    old, new = _lines(one), _lines(other)
+    if old is None or new is None:
+        what = f"no text; {len(one)} bytes in the {sides[0]}, {len(other)} in the {sides[1]}"
+        return FileChange(name=name, what=what), 0
+    # What they begin and end with is alike in most; to match it takes longest.
+    top = _alike(zip(old, new, strict=False))
+    least = min(len(old), len(new)) - top
+    end = min(least, _alike(zip(reversed(old), reversed(new), strict=False)))
+    size = max(len(old), len(new)) - top - end
+    if size > most:
+        what = f"{size} lines differ, too many for a diff"
+        return FileChange(name=name, line=top + 1, what=what), 0
+    before, after = max(0, top - _CONTEXT), max(0, end - _CONTEXT)
+    hunks = difflib.unified_diff(
+        old[before : len(old) - after],
+        new[before : len(new) - after],
+        f"{sides[0]}/{name}",
+        f"{sides[1]}/{name}",
+        n=_CONTEXT,
+        lineterm="",
+    )
+    shown = [_moved(line, before) if line[:3] == "@@ " else _cut(line) for line in hunks]
+    return FileChange(name=name, line=top + 1, diff=shown), size
+
+
+def _lines(content: bytes) -> list[str] | None:
+    """Return the lines of a text; None of any other content."""
+    try:
+        text = content.decode()
+    except UnicodeDecodeError:
+        return None
+    if "\0" in text:
+        return None
+    lines = text.removesuffix("\n").split("\n") if text else []
+    return lines if text[-1:] in {"", "\n"} else [*lines, "\\ no newline at the end"]
+
+
+def _alike(pairs: Iterator[tuple[str, str]]) -> int:
+    """Return how many pairs are equal before the first that is not."""
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+
+def _moved(header: str, by: int) -> str:
+    """Return the header of a hunk, `@@ -1,7 +1,7 @@`, with line numbers of the whole file."""
+    ranges = (word[1:].partition(",") for word in header.split()[1:3])
+    old, new = (f"{int(start) + by}{comma}{size}" for start, comma, size in ranges)
+    return f"@@ -{old} +{new} @@"
+
+
+def _cut(line: str) -> str:
+    rest = len(line) - _MOST_CHARACTERS
+    return line if rest <= 0 else f"{line[:_MOST_CHARACTERS]} … ({rest} more characters)"
