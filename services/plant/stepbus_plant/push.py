@@ -41,14 +41,17 @@ def find_link(physics: Physics, name: object) -> Link:
 
     Raises WiringError for what is unknown, or cannot be pushed.
     """
-    links, bodies = physics.links, physics.bodies
-    if not isinstance(name, str) or name not in {*links, *bodies}:
-        raise WiringError(f"link {name!r} is unknown{suggest(name, [*links, *bodies])}")
+    bodies = {body: (number, BASE) for number, body in enumerate(physics.bodies)}
+    known: dict[str, Link] = {**bodies, **physics.links}
+    # As in a view, which knows the names of bodies and models only.
+    body, _, own = str(name).partition("/")
+    more = physics.engine.links(bodies[body][0]) if body in bodies else {}
+    link = known.get(str(name), more.get(own))
+    if link is None:
+        raise WiringError(f"link {name!r} is unknown{suggest(name, known)}")
     if physics.is_kinematic:
         raise WiringError("nothing can be pushed with `dynamics: off`")
-    link = links[name] if name in links else (bodies.index(name), BASE)
-    body = bodies[link[0]]
-    if link[1] == BASE and physics.world.bodies[body].fixed_base:
+    if link[1] == BASE and physics.world.bodies[physics.bodies[link[0]]].fixed_base:
         raise WiringError(f"{name!r} is fixed to the world (`fixed_base`): a push does not move it")
     return link
 
