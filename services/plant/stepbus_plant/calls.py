@@ -112,7 +112,7 @@ class Calls:
             raise CallError(f"MORE must be a map such as {{frame: link}}, not {more!r}")
         try:
             given = {"at": "0s", "push": link, "force": force, "over": over, **(more or {})}
-            self._script.push(self._time_ns(), Action.of(given))
+            self._script.record(self._time_ns(), self._script.pushes.begin(Action.of(given)))
         except WiringError as exc:
             raise CallError(str(exc)) from exc
 

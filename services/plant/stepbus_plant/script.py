@@ -107,10 +107,6 @@ class Script(Remembers):
         rpy = None if yaw is None else (0.0, 0.0, yaw)
         self.record(t_ns, self._move_body(name, position, rpy))
 
-    def push(self, t_ns: int, action: Action) -> None:
-        """Push a link now [ns], as a call asks; raises WiringError as `find_link`."""
-        self.record(t_ns, self.pushes.begin(action))
-
     def run(self, t_ns: int) -> None:
         """Execute the actions that are due at a time [ns]."""
         if self.moving:

@@ -9,7 +9,6 @@ from stepbus_tools.viewing.scene.scene import Messages
 from stepbus_tools.viewing.stage.stage import Stage
 
 PUSH = "push"
-_OVER = "100ms"
 _NEWTONS_PER_METRE = 100.0
 _NO_LINK = "(none)"
 _COLOR = (20, 110, 230)
@@ -66,5 +65,5 @@ class PushHandle:
             self._arrow.remove()
             self._arrow = None
             force = [round(float(x), 4) for x in (tip - origin) * self._size.value]
-            at = {"point": [0, 0, 0]}
-            self._client.ask(self._who, PUSH, self._choice.value, force, _OVER, at)
+            more = {"point": [0, 0, 0]}
+            self._client.ask(self._who, PUSH, self._choice.value, force, "100ms", more)
