@@ -33,14 +33,13 @@ def pushed(folder, engine, bodies, *pushes, world="gravity: [0, 0, 0]", steps=20
 
 
 @pytest.mark.parametrize("frame", ["world", "link"])
-def test_a_free_body_takes_up_linear_and_angular_momentum(tmp_path, engine, frame):
+def test_a_free_body_takes_up_angular_momentum(tmp_path, engine, frame):
     push = {"force": [30, -40, 50], "torque": [1, 2, -3], "point": [0.5, 0.2, 0], "frame": frame}
     # Within one substep, it does not turn yet: angular momentum is r x F t + T t.
     plant = pushed(tmp_path, engine, CLUB, {"push": "head", "over": "1ms", **push}, steps=11)
     turn = np.eye(3) if frame == "link" else TURN.T
     force, torque = turn @ push["force"], turn @ push["torque"]
-    speed, spin = plant.physics.engine.motion((0, BASE))[2:]
-    assert TURN.T @ speed == pytest.approx(force * 1e-3 / 2, **NEAR)
+    spin = plant.physics.engine.motion((0, BASE)).spin
     expected = (np.cross((0.2, 0.2, -0.1), force) + torque) * 1e-3 / INERTIA
     assert TURN.T @ spin == pytest.approx(expected, **NEAR)
     own = f"{' in its frame' if frame == 'link' else ''} at its point 0.5, 0.2, 0 m for 1ms"
@@ -75,7 +74,7 @@ def test_a_base_takes_up_the_impulse(tmp_path, engine, friction, rolling, off):
 
 
 @pytest.mark.parametrize(("over", "ms"), [("100us", 0.1), ("1700us", 1.7), ("100ms", 100.0)])
-def test_an_impulse_is_exact_whatever_the_duration(tmp_path, engine, over, ms):
+def test_a_free_body_takes_up_the_impulse_whatever_the_duration(tmp_path, engine, over, ms):
     push = {"push": "club", "force": [0, 8, 0], "over": over}
     plant = pushed(tmp_path, engine, CLUB, push, push, step_ns=5 * m.MS, steps=30)
     assert m.velocity(plant, "club")[1] == pytest.approx(2 * 8 * ms * 1e-3 / 2, **NEAR)
@@ -155,7 +154,7 @@ def test_mistakes_are_told_before_anything_is_pushed(tmp_path, engine):
     plant = m.make(tmp_path, engine, driven, dynamics="off")
     for given, text in (
         (["1s"], "nothing can be pushed with `dynamics: off`"),
-        (["now"], "over: must be"),
+        (["now"], "over: 'now' is not a duration"),
         (["1s", "link"], "MORE must be a map"),
     ):
         with pytest.raises(CallError, match=text):
