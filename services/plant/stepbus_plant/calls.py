@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from stepbus_participant import CallError, Method, suggest
 from stepbus_plant.drives import Motors, PositionMotor
 from stepbus_plant.joint import Joint
+from stepbus_plant.params import Action
 from stepbus_plant.script import Script
+from stepbus_schemas import WiringError
 
 
 class Calls:
@@ -45,6 +47,12 @@ class Calls:
                 self.move_body,
                 "NAME X Y Z [YAW]: moves a body to a position [m] and heading [rad] at once, and "
                 "stops it",
+                changes=True,
+            ),
+            "push": Method(
+                self.push,
+                "LINK FORCE [OVER, MORE]: pushes a link or body with a force such as '[0, 20, 0]' "
+                "[N] for 100ms; MORE: torque, point, frame as in the script: '{frame: link}'",
                 changes=True,
             ),
         }
@@ -97,6 +105,16 @@ class Calls:
                 raise CallError(f"body {name}: {value!r} is not a finite number")
         heading = None if yaw is None else float(yaw)
         self._script.move(self._time_ns(), name, (float(x), float(y), float(z)), heading)
+
+    def push(self, link: str, force: object, over: object = "100ms", more: object = None) -> None:
+        """Push a link from now on; more: further keys of `Action`, such as `point`."""
+        if not isinstance(more, dict | None):
+            raise CallError(f"MORE must be a map such as {{frame: link}}, not {more!r}")
+        try:
+            given = {"at": "0s", "push": link, "force": force, "over": over, **(more or {})}
+            self._script.record(self._time_ns(), self._script.pushes.begin(Action.of(given)))
+        except WiringError as exc:
+            raise CallError(str(exc)) from exc
 
     def _state(self, name: str) -> tuple[float, float]:
         return self._physics.state(self._joint(name))

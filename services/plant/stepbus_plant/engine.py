@@ -233,6 +233,14 @@ class Engine(Protocol):
         """
         ...
 
+    def shove(self, link: Link, force: Point, torque: Point) -> None:
+        """Add a force [N] at a link's centre of mass and a torque [N·m] in the next substep only.
+
+        Both along the axes of the world. It wakes the body up, for which an engine may need the
+        whole substep.
+        """
+        ...
+
     # --- poses ----------------------------------------------------------------------------
 
     def mass(self, link: Link) -> float:

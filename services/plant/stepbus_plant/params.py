@@ -92,11 +92,24 @@ class CameraErrors(Settings):
     seed, with shadows and highlights; rendering then takes twice as long."""
 
 
-_SUBJECTS = ("body", "jam", "camera", "emergency_stop")
+class PushPort(Settings):
+    """Where the messages of an input of type `Wrench/1` push."""
+
+    link: Text
+    """Link, or a body: its root link."""
+    frame: Literal["world", "link"] = "world"
+    """Frame of force and torque: `world`, or `link`, with which they turn."""
+    point: Vector3 | None = None
+    """Point where the force acts, and that the torque is about, in the frame of the link [m].
+    Default: the centre of mass."""
+
+
+_SUBJECTS = ("body", "push", "jam", "camera", "emergency_stop")
+_OF_PUSH = ("force", "torque", "frame", "point")
 
 
 class Action(Settings):
-    """One action: a body moves, a joint jams, a camera fails, or the emergency stop is used."""
+    """One action: a body moves or is pushed, a joint jams, a camera fails, or all brake."""
 
     at_ns: Pause
     """Simulation time, e.g. `6s`; executed at the first step at or after it."""
@@ -107,9 +120,20 @@ class Action(Settings):
     to: Vector3 | None = None
     """Position that the body moves to in a straight line, ignoring obstacles [m]; needs `over`."""
     over_ns: Duration | None = None
-    """Duration of that motion, at constant velocity."""
+    """Duration of that motion, at constant velocity, or of a push."""
     orientation_rpy: Vector3 | None = None
     """Roll, pitch, yaw of the body about fixed axes [rad]. Default: unchanged."""
+    push: str | None = None
+    """Link, or body, that is pushed with `force` and `torque`; needs `over`."""
+    force: Vector3 | None = None
+    """Force of a push [N]. Default: none."""
+    torque: Vector3 | None = None
+    """Torque of a push [N·m]. Default: none."""
+    frame: Literal["world", "link"] | None = None
+    """Frame of both: `world`, or `link`, with which they turn. Default: world."""
+    point: Vector3 | None = None
+    """Point where the force acts, and that the torque is about, in the frame of the link [m].
+    Default: its centre of mass."""
     jam: str | None = None
     """Joint that jams: it holds its position from then on and ignores commands."""
     camera: str | None = None
@@ -127,7 +151,12 @@ class Action(Settings):
             yield (), f"needs exactly one of {', '.join(_SUBJECTS)}; it has {given}"
         elif self.body is not None and (self.position is None) == (self.to is None):
             yield (), "needs either 'position' or 'to'"
-        if (self.to is None) != (self.over_ns is None):
+        elif self.push is not None and (self.over_ns is None or not (self.force or self.torque)):
+            yield (), "a push needs 'over', and 'force' or 'torque'"
+        if self.push is None:
+            for key in (key for key in _OF_PUSH if getattr(self, key) is not None):
+                yield (key,), "belongs to 'push'"
+        if (self.to is None) != (self.over_ns is None) and self.push is None:
             yield (), "'to' and 'over' must be given together"
 
 
@@ -164,6 +193,9 @@ class Params(Settings):
     `body/link` if bodies share it. Default: all."""
     points: dict[str, FixedPoint] = {}
     """Named points that are fixed to links."""
+    pushes: dict[str, PushPort] = {}
+    """Input of type `Wrench/1` → what it [pushes](../guide/running/push.md). Default: the link or
+    body that has its name."""
     watchdog_ns: Duration | None = None
     """Time after the last command on an input until the plant brakes what the input drives, as
     in an emergency stop; the next command ends that. Default: a command holds until the next

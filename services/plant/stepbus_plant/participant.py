@@ -15,6 +15,7 @@ from stepbus_participant import (
     Problems,
     Step,
     installed_version,
+    suggest,
     warn,
 )
 from stepbus_plant.camera import TYPES
@@ -24,12 +25,13 @@ from stepbus_plant.engine import PhysicsError
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.poses import PLANOGRAM, Planogram, PoseSensor
+from stepbus_plant.push import PUSH
 from stepbus_plant.world_file import load_world
 from stepbus_schemas import Description, Event, Message, WiringError
 
 _STOP = "EmergencyStop/1"
 _TYPES = {
-    "inputs": ("JointCommand/1", *COMMANDS),
+    "inputs": ("JointCommand/1", *COMMANDS, PUSH),
     "outputs": (
         "JointState/1",
         "Event/1",
@@ -92,11 +94,9 @@ class Plant(Participant):
         plant, period_ns = self.plant, self._period_ns
         types = {port: config.type for port, config in self.config.outputs.items()}
         drivers = {
-            port: problems.attempt(
-                ("inputs", port), partial(plant.devices.driver, port, config.type, plant.motors)
-            )
+            port: problems.attempt(("inputs", port), partial(plant.driver, port, config.type))
             for port, config in self.config.inputs.items()
-            if config.type in COMMANDS
+            if config.type in _TYPES["inputs"][1:]
         }
         devices = {
             port: problems.attempt(("outputs", port), partial(plant.devices.sensor, port, name))
@@ -104,6 +104,11 @@ class Plant(Participant):
             if name in (*TYPES.values(), *STATES)
         }
         wrong = problems.below(("params",))
+        pushing = [port for port, row in self.config.inputs.items() if row.type == PUSH]
+        for port in params.pushes:
+            if port not in pushing:
+                text = f"is no input of type {PUSH}{suggest(port, pushing)}"
+                wrong.add(("pushes", port), text)
         if text := period_problem(params.poses_period_ns, period_ns):
             wrong.add(("poses_period",), text)
         poses = problems.attempt(

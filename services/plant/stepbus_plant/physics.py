@@ -38,9 +38,9 @@ class Physics:
 
     bodies: their names, in the engine's order. joints: the movable ones by name, in the order of
     the bodies and of their models; `body/joint` if two bodies share a name. fixed: names of the
-    others. robots: each body's model. notes: (body, sentence): what the engine computes
-    otherwise than the models say. mistakes: in the world file. Without any, joints are at their
-    start.
+    others. is_kinematic: nothing moves it but commands. robots: each body's model. notes: (body,
+    sentence): what the engine computes otherwise than the models say. mistakes: in the world file.
+    Without any, joints are at their start.
 
     Raises WiringError that lists every URDF that cannot be loaded, each with its line.
     """
@@ -54,6 +54,7 @@ class Physics:
         self.robots: list[RobotDescription] = []
         self.notes: list[tuple[str, str]] = []
         self.mistakes: list[tuple[Keys, str]] = []
+        self.is_kinematic = params.dynamics == "off"
         self._actuation = params.actuation
         self._followers: dict[Link, list[tuple[Joint, Mimic]]] = {}
         self._items: list[int] = []

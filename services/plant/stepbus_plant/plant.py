@@ -16,6 +16,7 @@ from stepbus_plant.kinematic import NOTICE, Kinematics
 from stepbus_plant.memory import Remembers
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
+from stepbus_plant.push import PUSH, PushDriver, Pushes
 from stepbus_plant.script import Script, check_script
 from stepbus_plant.sensing import JointSensor
 from stepbus_plant.world_file import World
@@ -68,7 +69,8 @@ class SimulatedPlant(Remembers):
         self.names = [joint.name for joint in joints]
         self.devices = Devices(physics, params, period_ns, seed)
         self.stop = StopSwitch()
-        self.script = Script(params.script, physics, self.devices.cameras, self.stop)
+        pushes = Pushes(physics, step_ns)
+        self.script = Script(params.script, physics, self.devices.cameras, self.stop, pushes)
         self.motors = Motors(physics, step_ns, period_ns)
         self.warnings = self.motors.warnings
         self.calls = Calls(self.motors, self.script, lambda: self.t_ns)
@@ -85,6 +87,16 @@ class SimulatedPlant(Remembers):
     def commander(self, port: str, names: Sequence[str], period_ns: int | None = None) -> Commander:
         """Return what executes commands of joints; arguments and errors are those of its class."""
         return Commander(port, names, self.motors, period_ns)
+
+    def driver(self, port: str, port_type: str) -> Commander:
+        """Return what executes an input that does not command joints.
+
+        Raises WiringError where the world has no device for it, or no link that it can push.
+        """
+        if port_type == PUSH:
+            row = self.params.pushes.get(port)
+            return PushDriver(port, row, self.script.pushes, self.motors)
+        return self.devices.driver(port, port_type, self.motors)
 
     def sense(self) -> JointState:
         """Return the readings of the joints; raises PhysicsError when these have diverged."""
@@ -103,10 +115,12 @@ class SimulatedPlant(Remembers):
         if kinematics is not None:
             moving = script.moving.values()
             before, after = [*before, *moving], [*moving]
-        elif script.moving or script.jammed or grippers:
+        elif script.moving or script.jammed or script.pushes or grippers:
             moving, devices = script.moving.values(), grippers.values()
             jams = [script] if script.jammed else []
-            before, after = [*before, *moving, *jams, *devices], [*devices, *moving, *after]
+            pushes = [script.pushes] if script.pushes else []
+            before = [*before, *moving, *jams, *devices, *pushes]
+            after = [*devices, *moving, *after]
         for _ in self._substeps:
             for item in before:
                 item.before_substep()

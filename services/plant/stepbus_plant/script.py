@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 
 from stepbus_participant import Problems, format_duration, suggest
 from stepbus_plant.camera import Camera
@@ -11,6 +12,7 @@ from stepbus_plant.geometry import Pose, quaternion
 from stepbus_plant.memory import Remembers
 from stepbus_plant.params import Action
 from stepbus_plant.physics import Physics
+from stepbus_plant.push import Pushes, find_link
 from stepbus_schemas import Point
 
 # More torque than any motor has, and the share of the error corrected per substep: a wheel at
@@ -76,11 +78,11 @@ class Script(Remembers):
     """The actions of a run; each is executed once, in order of time.
 
     actions: in which `check_script` finds no mistakes. jammed: joint → the position it has been
-    jammed at [rad]. moving: body → its motion, which is not saved. events: what has happened, one
-    sentence each, until the plant has reported it.
+    jammed at [rad]. moving: body → its motion, which is not saved. pushes: what is pushed. events:
+    what has happened, one sentence each, until the plant has reported it.
     """
 
-    remembers = ("_done", "jammed")
+    remembers, parts = ("_done", "jammed"), ("pushes",)
 
     def __init__(
         self,
@@ -88,8 +90,10 @@ class Script(Remembers):
         physics: Physics,
         cameras: Mapping[str, Camera],
         stop: StopSwitch,
+        pushes: Pushes,
     ) -> None:
         self._physics = physics
+        self.pushes = pushes
         self._cameras = cameras
         self._stop = stop
         self._actions = sorted(actions, key=lambda action: action.at_ns)
@@ -126,6 +130,8 @@ class Script(Remembers):
             return self._move_body(action.body, action.position, action.orientation_rpy)
         if action.body is not None and action.to is not None and action.over_ns is not None:
             return self._send_body(action.body, action.to, action.over_ns, action.orientation_rpy)
+        if action.push is not None:
+            return self.pushes.begin(action)
         if action.jam is not None:
             joint = self._physics.joints[action.jam]
             position = self.jammed.setdefault(joint.name, self._physics.state(joint)[0])
@@ -202,5 +208,7 @@ def check_script(actions: Sequence[Action], physics: Physics, problems: Problems
             if name is not None and name not in names:
                 text = f"{key} {name!r} is unknown{suggest(name, names)}"
                 problems.add(("script", number, key), text)
+        if action.push is not None:
+            problems.attempt(("script", number, "push"), partial(find_link, physics, action.push))
         if action.jam is not None and (text := physics.lacks_joint(action.jam)):
             problems.add(("script", number, "jam"), f"joint {action.jam!r} {text}")

@@ -86,7 +86,7 @@ IN_THE_SCENARIO = [
     ({STATE: f"{STATE}, ft: Wrench/1"}, "outputs.ft", "has type Wrench/1, but the world has no 'wrenches'"),
     ({STATE: f"{STATE}, odo: BaseState/1"}, "outputs.odo", "has type BaseState/1, but the world has no 'bases'"),
     ({STATE: f"{STATE}, color: Image/1"}, "outputs.color", "has type Image/1; name it one of rgb, eye_rgb, depth, eye_depth"),
-    ({"{command: controller.command}": "{command: controller.command, arm: {from: mission.reference, type: JointReference/1}}"}, "inputs.arm", "inputs of a plant have type JointCommand/1 or BaseCommand/1 or GripperCommand/1 or CameraTrigger/1, not JointReference/1"),
+    ({"{command: controller.command}": "{command: controller.command, arm: {from: mission.reference, type: JointReference/1}}"}, "inputs.arm", "inputs of a plant have type JointCommand/1 or BaseCommand/1 or GripperCommand/1 or CameraTrigger/1 or Wrench/1, not JointReference/1"),
     ({WORLD: f"{WORLD}, physics_step: 3ms"}, "params.physics_step", "3ms does not divide the plant's step of 5ms"),
     ({WORLD: f"{WORLD}, joints: [join1]"}, "params.joints", "'join1' is unknown; did you mean 'joint1'?"),
     ({WORLD: f"{WORLD}, effort: {{jont1: 1}}"}, "params.effort", "joint 'jont1' is unknown; did you mean 'joint1'?"),

@@ -51,6 +51,15 @@ def looked_at(page, watched, point, away):
     return size["height"] / 2 / math.tan(client.camera.fov / 2) / math.dist((0, 0, 0), away)
 
 
+def steering(watched, paused):
+    """Return the page and the mouse, once the page of a run offers what can be changed."""
+    paused.pace.step(3)
+    watched.wait(lambda: watched.page.get_by_text("step 3 of").count() > 0, "step 3")
+    watched.page.get_by_role("tab", name="Steer").click()
+    watched.wait(lambda: watched.page.get_by_text("place").count() > 0, "what can be changed")
+    return watched.page, watched.page.mouse
+
+
 def test_of_a_slider_that_is_dragged_the_newest_position_counts():
     moves = [("mission", "set_target", (joint, x)) for joint, x in (("a", 1), ("a", 2), ("b", 3))]
     stop = ("plant", "emergency_stop", (True, "the user of the page"))
@@ -63,11 +72,7 @@ def test_of_a_slider_that_is_dragged_the_newest_position_counts():
 def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
     paused = Paused(tmp_path / "run", with_crate(tmp_path / "own"))
     with opened(page.address, 1100, 600) as watched, followed(paused, page):
-        shown, mouse = watched.page, watched.page.mouse
-        paused.pace.step(3)
-        watched.wait(lambda: shown.get_by_text("step 3 of").count() > 0, "step 3")
-        shown.get_by_role("tab", name="Steer").click()
-        watched.wait(lambda: shown.get_by_text("place").count() > 0, "what can be changed")
+        shown, mouse = steering(watched, paused)
         per_m = looked_at(page, watched, (0.0, 2.0, 0.0), (0.0, -2.0, 0.3))
 
         def is_taken():
@@ -109,4 +114,32 @@ def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
         poses = recording["plant.poses"]
         assert poses.position[-1, poses.names.index("crate")] == pytest.approx((x, y, z), abs=1e-4)
         assert abs(recording["plant.joint_state"].velocity[-1]).max() < 0.05
+    assert again(paused.result, tmp_path / "again") == paused.result.sha256
+
+
+@pytest.mark.slow
+@needs_chromium
+@pytest.mark.timeout(600)
+def test_an_arrow_that_is_let_go_pushes_a_link(tmp_path, page):
+    paused = Paused(tmp_path / "run", load("two_link", ["duration=100ms"]))
+    with opened(page.address, 1100, 600) as watched, followed(paused, page):
+        shown, mouse = steering(watched, paused)
+        shown.get_by_label("push", exact=True).first.click()
+        shown.get_by_role("option", name="arm/link1").click()
+        per_m = looked_at(page, watched, (0.0, 0.0, 0.0), (0.0, -2.0, 0.3))
+
+        def is_pushed():
+            mouse.move(550 + 0.25 * per_m, 300)
+            mouse.down()
+            mouse.move(550 + 0.5 * per_m, 300, steps=8)
+            mouse.up()
+            return shown.get_by_text("plant push arm/link1").count() > 0
+
+        watched.wait(is_pushed, "the push")
+        shown.get_by_role("button", name="resume").click()
+        watched.wait(lambda: not paused.thread.is_alive(), "the run to end")
+        assert not watched.errors
+    name, link, force, over, more = calls_of(paused.result)[0]
+    assert (name, link, over, more) == ("push", "arm/link1", "100ms", {"point": [0, 0, 0]})
+    assert 1.0 < np.linalg.norm(force) < 100.0
     assert again(paused.result, tmp_path / "again") == paused.result.sha256

@@ -7,6 +7,7 @@ from typing import Any
 
 from stepbus_schemas import JointState
 from stepbus_tools.columns import limits_of
+from stepbus_tools.viewing.push_handle import PUSH, PushHandle
 from stepbus_tools.viewing.run_client import RunClient
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.scene import Messages
@@ -27,7 +28,7 @@ Offered = Mapping[str, Mapping[str, Any]]
 
 
 class SteerPanel:
-    """Sliders of joints, a handle at a body, and orders, where calls offer them."""
+    """Sliders of joints, handles at a body and a link, and orders, where calls offer them."""
 
     def __init__(self, server: Any, client: RunClient, ports: Ports, stage: Stage) -> None:
         self._server = server
@@ -38,6 +39,7 @@ class SteerPanel:
         frames = reversed(stage.scene.frames)
         self._bodies = {frame.body: frame.name for frame in frames if frame.body}
         self._handle: Any = None
+        self._push: PushHandle | None = None
         self._messages: Messages = {}
         self._sliders: dict[str, Any] = {}
         self._touched: dict[str, float] = {}
@@ -48,11 +50,16 @@ class SteerPanel:
             self._add_order(name)
         for name in offering(offered, _MOVE):
             self._add_bodies(name)
+        for name in offering(offered, PUSH):
+            self._push = PushHandle(self._server, self._client, self._stage, name)
+            self._push.follow(self._messages)
         self._add_joints(offered)
 
     def follow(self, messages: Messages) -> None:
         """Take what is measured now."""
         self._messages = messages
+        if self._push is not None:
+            self._push.follow(messages)
 
     # --- joints ---------------------------------------------------------------------------
 

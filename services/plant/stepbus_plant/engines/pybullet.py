@@ -336,6 +336,15 @@ class BulletEngine(Engine):
         values = np.array(kept or bullet.getJointState(*joint, self.client)[2])
         return values[:3], values[3:]
 
+    def shove(self, link: Link, force: Point, torque: Point) -> None:
+        """See `Engine`."""
+        if link[0] in self._sleepers:
+            self.wake(link[0])
+        # In a link's frame, PyBullet counts a position from the centre of mass, not in the world's.
+        centre = self.motion(link).centre
+        bullet.applyExternalForce(*link, force, centre, bullet.WORLD_FRAME, self.client)
+        bullet.applyExternalTorque(*link, torque, bullet.WORLD_FRAME, self.client)
+
     # --- poses ----------------------------------------------------------------------------
 
     def mass(self, link: Link) -> float:

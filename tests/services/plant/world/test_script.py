@@ -207,10 +207,10 @@ def test_unknown_names_are_all_listed_before_the_run(tmp_path):
 
 MISTAKES = [
     ({"jam": "axle"}, ": the key 'at' is missing"),
-    ({"at": "1s"}, ": needs exactly one of body, jam, camera, emergency_stop; it has none"),
+    ({"at": "1s"}, ": needs exactly one of body, push, jam, camera, emergency_stop; it has none"),
     (
         {"at": "1s", "jam": "axle", "camera": "wrist"},
-        ": needs exactly one of body, jam, camera, emergency_stop; it has jam and camera",
+        ": needs exactly one of body, push, jam, camera, emergency_stop; it has jam and camera",
     ),
     ({"at": "1s", "body": "crate"}, ": needs either 'position' or 'to'"),
     ({"at": "1s", "body": "crate", "to": [1, 2, 3]}, ": 'to' and 'over' must be given together"),

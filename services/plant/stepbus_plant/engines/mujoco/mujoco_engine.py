@@ -83,7 +83,7 @@ class MujocoEngine(Engine):
         option.disableflags |= disabled.mjDSBL_AUTORESET | disabled.mjDSBL_ISLAND
         self._spec.compiler.degree = False
         self._bodies: list[Body] = []
-        self._is_seen = False
+        self._is_seen = self._is_shoved = False
         self._compiled: tuple[Any, Any] | None = None
         self._painter: Painter | None = None
         self._id: dict[Link, int] = {}
@@ -120,6 +120,9 @@ class MujocoEngine(Engine):
         if self._reactions:
             self._feel(model, data)
         data.qfrc_applied.fill(0.0)
+        if self._is_shoved:
+            self._is_shoved = False
+            data.xfrc_applied.fill(0.0)
 
     def _feel(self, model: Any, data: Any) -> None:
         """Keep the reactions of watched joints, as they were before the bodies moved."""
@@ -282,6 +285,12 @@ class MujocoEngine(Engine):
     def reaction(self, joint: Link) -> tuple[Array, Array]:
         """See `Engine`."""
         return self._reactions[joint]
+
+    def shove(self, link: Link, force: Point, torque: Point) -> None:
+        """See `Engine`."""
+        _, data = self._now()
+        data.xfrc_applied[self._id[link]] += (*force, *torque)
+        self._is_shoved = True
 
     # --- poses ----------------------------------------------------------------------------
 
