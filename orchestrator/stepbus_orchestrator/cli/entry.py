@@ -13,9 +13,8 @@ from collections.abc import Callable, Sequence
 from stepbus_orchestrator.processes import PYTHON
 
 from .interrupts import INTERRUPTED, SENTENCE, SIGNALS, interrupt, leave, on_signals
-from .standby import take, watches
 
-_IN_PROCESS = "--in-process"
+_IN_PROCESS, _WATCH = "--in-process", "--watch"
 _INTERNAL = 1
 _USAGE = 2
 
@@ -35,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # The supervisor starts this program with them blocked.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     is_host = _IN_PROCESS in sys.argv[1:] or sys.argv[1:2] == ["verify"]
-    if is_host and not watches(sys.argv):
+    if is_host and _WATCH not in sys.argv:
         # It hosts participants.
         from .supervisor import adopt, settle, supervise  # noqa: PLC0415  (see the top)
 
@@ -62,9 +61,7 @@ def _execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None
         from stepbus_orchestrator.processes.warm import warm_parent  # noqa: PLC0415  (see the top)
 
         # From here on, it loads on a core of its own what participants need.
-        is_run = arguments[0] == "run" and not watches(arguments)
-        is_forking = is_run and _IN_PROCESS not in arguments
-        take()
+        is_forking = arguments[0] == "run" and not {_IN_PROCESS, _WATCH} & {*arguments}
         with warm_parent() if is_forking else contextlib.nullcontext():
             from .dispatch import execute  # noqa: PLC0415  (loads everything)
 

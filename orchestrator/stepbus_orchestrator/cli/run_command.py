@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 
-from stepbus_orchestrator.cli import standby
 from stepbus_orchestrator.cli.commands import Run
 from stepbus_orchestrator.cli.interrupts import interruptible, interrupting
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
@@ -36,15 +35,11 @@ _NO_REPORT = "no plots  the report was interrupted; the recording and result.jso
 
 def run_command(given: Run) -> int:
     """Run a scenario, show its progress, and print its result."""
-    if given.watch and standby.watches(["--watch"]):
+    if given.watch:
         from stepbus_orchestrator.cli.watch import watch  # noqa: PLC0415  (other runs need it not)
 
         with interruptible(ends=True) as interrupt:
             return watch(given, _load, interrupt)
-    if given.watch:
-        for point in points(AFTER_RUN):
-            point.load()
-        given = dataclasses.replace(given, out=standby.await_folder())
     loaded = _load(given)
     is_quiet = given.json or bool(given.debug)
     has_keys = has_terminal() and not is_quiet

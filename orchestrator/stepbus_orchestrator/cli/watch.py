@@ -4,7 +4,6 @@ import contextlib
 import hashlib
 import itertools
 import json
-import os
 import subprocess
 import sys
 import threading
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stepbus_orchestrator.analysis.diff import diff
-from stepbus_orchestrator.cli import standby
 from stepbus_orchestrator.cli.commands import Run
 from stepbus_orchestrator.cli.interrupts import INTERRUPTED, interrupting
 from stepbus_orchestrator.cli.terminal.output import print_error, say
@@ -96,7 +94,6 @@ class _Watch:
         self._shown: Path | None = None
         self._before: Path | None = None
         self._run: subprocess.Popen[bytes] | None = None
-        self._next: tuple[subprocess.Popen[bytes], int] | None = None
 
     def folders(self) -> list[Path]:
         """Return the folders of its files: an editor may replace a file by another one."""
@@ -134,10 +131,7 @@ class _Watch:
         self._folder = first_new(out / str(number) for number in itertools.count(1))
         if why:
             say(f"changed: {why}; run {self._folder}")
-        self._run, pipe = self._next or _spawned()
-        self._next = None
-        with contextlib.suppress(BrokenPipeError), os.fdopen(pipe, "wb") as file:
-            file.write(os.fsencode(self._folder))
+        self._run = subprocess.Popen([sys.executable, *_words(), "--out", str(self._folder)])
 
     def is_running(self) -> bool:
         """Return whether a run is in progress."""
@@ -152,7 +146,7 @@ class _Watch:
             self._show("")
         if code is None:
             return
-        self._run, self._next = None, _spawned()
+        self._run = None
         recording = self._folder / RUN_FILE
         if code == 0 and self._before is not None:
             try:
@@ -201,13 +195,6 @@ class _Watch:
     def close(self) -> None:
         """End what is left."""
         self.end()
-        if self._next is not None:
-            process, pipe = self._next
-            os.close(pipe)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(_PATIENCE_S)
-            process.kill()
-            process.wait()  # no time-out: it has ended, or was killed
         with contextlib.suppress(OSError):
             self._folder.rmdir()
 
@@ -218,15 +205,17 @@ def _digests(paths: list[Path]) -> Iterator[tuple[Path, bytes]]:
             yield path, hashlib.blake2b(read_file(path)).digest()
 
 
-def _spawned() -> tuple[subprocess.Popen[bytes], int]:
-    """Return a process that runs this command once, and the pipe that it awaits its folder from."""
-    theirs, ours = os.pipe()
-    command = [sys.executable, *sys.orig_argv[1:]]
-    try:
-        process = subprocess.Popen(command, pass_fds=[theirs], env=standby.environment(theirs))
-    finally:
-        os.close(theirs)
-    return process, ours
+def _words() -> Iterator[str]:
+    """Yield the words of this command without `--watch` and `--out`: those of one run.
+
+    It is a process of its own, so that no run sees a module of the one before.
+    """
+    words = iter(sys.orig_argv[1:])
+    for word in words:
+        if word == "--out":
+            next(words)
+        elif word != "--watch" and not word.startswith("--out="):
+            yield word
 
 
 def _compared(before: Path, now: Path) -> str:
