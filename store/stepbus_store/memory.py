@@ -344,3 +344,8 @@ class Remembering(Participant):
     def restore(self, state: bytes) -> None:
         """Change all objects as `save` has found them."""
         _Restored(self._first.objects, msgspec.msgpack.decode(zlib.decompress(state)))
+
+    def close(self) -> None:
+        """Let go of all objects: they refer to each other, and a command ends without a search."""
+        self._first, self._constant = _Objects(()), ()
+        super().close()

@@ -302,3 +302,4 @@ class Planner(Remembering):
         """Cancel the request in progress."""
         self._cancel()
         self._worker.shutdown(wait=True, cancel_futures=True)
+        super().close()
