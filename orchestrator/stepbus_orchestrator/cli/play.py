@@ -107,4 +107,7 @@ def play_command(given: Play) -> Answer:
             interrupt=interrupt,
             extensions=[pace, playing, External({name: ticket}), Debug(no_deadline=[name])],
         )
+    if not result.steps:
+        lines = [f"stopped before {name} made a step: nothing was compared"]
+        return Answer(None, lines, code=ExitCode.INTERRUPTED)
     return Answer(None, replayed(result), code=0 if result.equal else ExitCode.DIFFERENT)

@@ -98,8 +98,10 @@ class Source:
                         watch(self._file.path, block.offset / self._file.size)
         except DamagedRecord as exc:
             self._end_before(block, exc)
-        for watch in watchers:
-            watch(self._file.path, 1.0)
+        finally:
+            # Also of a reader who has seen enough.
+            for watch in watchers:
+                watch(self._file.path, 1.0)
 
     def latest(self, channels: frozenset[int], t_ns: int = LATEST_NS) -> Entry | None:
         """Return the newest message of some channels at a time or before; None without any.

@@ -61,3 +61,23 @@ def test_what_cannot_be_played_is_one_sentence(
     (tmp_path / "taken").touch()
     assert main(["play", str(two_link_recording), "--participant", "controller", *options]) != 0
     assert text in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("nothing_is_left")
+def test_a_stop_before_the_first_step_is_not_equal(
+    two_link_recording, tmp_path, elsewhere, monkeypatch
+):
+    elsewhere.join(tmp_path / "c.ticket")
+    pace = play.Pace()
+
+    class Stopping(play.Playing):
+        def progress(self, progress):
+            super().progress(progress)
+            pace.stop()
+
+    monkeypatch.setattr(play, "Playing", Stopping)
+    monkeypatch.setattr(play, "Pace", lambda: pace)
+    options = {"participant": "controller", "ticket": tmp_path / "c.ticket"}
+    answer = play.play_command(Play.complete()(two_link_recording, **options))
+    assert answer.code == ExitCode.INTERRUPTED
+    assert answer.lines == ["stopped before controller made a step: nothing was compared"]
