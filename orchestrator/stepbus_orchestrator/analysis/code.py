@@ -2,11 +2,10 @@
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import takewhile
+from itertools import zip_longest
 
 import msgspec
 
-_CONTEXT = 3
 _MOST_LINES = 5000
 """Of all files together: to match more takes minutes where their lines are alike."""
 _MOST_CHARACTERS = 400
@@ -66,25 +65,14 @@ def _change(
     if old is None or new is None:
         what = f"no text; {len(one)} bytes in the {sides[0]}, {len(other)} in the {sides[1]}"
         return FileChange(name=name, what=what), 0
-    # What they begin and end with is alike in most; to match it takes longest.
-    top = _alike(zip(old, new, strict=False))
-    least = min(len(old), len(new)) - top
-    end = min(least, _alike(zip(reversed(old), reversed(new), strict=False)))
-    size = max(len(old), len(new)) - top - end
+    size, pairs = max(len(old), len(new)), enumerate(zip_longest(old, new), 1)
+    line = next((number for number, (before, after) in pairs if before != after), size)
     if size > most:
-        what = f"{size} lines differ, too many for a diff"
-        return FileChange(name=name, line=top + 1, what=what), 0
-    before, after = max(0, top - _CONTEXT), max(0, end - _CONTEXT)
-    hunks = difflib.unified_diff(
-        old[before : len(old) - after],
-        new[before : len(new) - after],
-        f"{sides[0]}/{name}",
-        f"{sides[1]}/{name}",
-        n=_CONTEXT,
-        lineterm="",
-    )
-    shown = [_moved(line, before) if line[:3] == "@@ " else _cut(line) for line in hunks]
-    return FileChange(name=name, line=top + 1, diff=shown), size
+        what = f"{size} lines are too many for a diff"
+        return FileChange(name=name, line=line, what=what), 0
+    titles = (f"{side}/{name}" for side in sides)
+    shown = difflib.unified_diff(old, new, *titles, lineterm="")
+    return FileChange(name=name, line=line, diff=[*map(_cut, shown)]), size
 
 
 def _lines(content: bytes) -> list[str] | None:
@@ -97,18 +85,6 @@ def _lines(content: bytes) -> list[str] | None:
         return None
     lines = text.removesuffix("\n").split("\n") if text else []
     return lines if text[-1:] in {"", "\n"} else [*lines, "\\ no newline at the end"]
-
-
-def _alike(pairs: Iterator[tuple[str, str]]) -> int:
-    """Return how many pairs are equal before the first that is not."""
-    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
-
-
-def _moved(header: str, by: int) -> str:
-    """Return the header of a hunk, `@@ -1,7 +1,7 @@`, with line numbers of the whole file."""
-    ranges = (word[1:].partition(",") for word in header.split()[1:3])
-    old, new = (f"{int(start) + by}{comma}{size}" for start, comma, size in ranges)
-    return f"@@ -{old} +{new} @@"
 
 
 def _cut(line: str) -> str:
