@@ -66,12 +66,12 @@ def _change(
         what = f"no text; {len(one)} bytes in the {sides[0]}, {len(other)} in the {sides[1]}"
         return FileChange(name=name, what=what), 0
     size, pairs = max(len(old), len(new)), enumerate(zip_longest(old, new), 1)
-    line = next((number for number, (before, after) in pairs if before != after), size)
+    line = next((number for number, (was, now) in pairs if was != now), size)
     if size > most:
         what = f"{size} lines are too many for a diff"
         return FileChange(name=name, line=line, what=what), 0
-    titles = (f"{side}/{name}" for side in sides)
-    shown = difflib.unified_diff(old, new, *titles, lineterm="")
+    before, after = (f"{side}/{name}" for side in sides)
+    shown = difflib.unified_diff(old, new, before, after, lineterm="")
     return FileChange(name=name, line=line, diff=[*map(_cut, shown)]), size
 
 
