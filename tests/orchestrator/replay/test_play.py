@@ -68,12 +68,13 @@ def test_a_stop_before_the_first_step_is_not_equal(
     two_link_recording, tmp_path, elsewhere, monkeypatch
 ):
     elsewhere.join(tmp_path / "c.ticket")
-    pace = play.Pace()
+    pace = play.Pace(at=0)
 
     class Stopping(play.Playing):
         def progress(self, progress):
             super().progress(progress)
-            pace.stop()
+            if progress.phase == "paused":
+                pace.stop()
 
     monkeypatch.setattr(play, "Playing", Stopping)
     monkeypatch.setattr(play, "Pace", lambda: pace)
@@ -81,3 +82,13 @@ def test_a_stop_before_the_first_step_is_not_equal(
     answer = play.play_command(Play.complete()(two_link_recording, **options))
     assert answer.code == ExitCode.INTERRUPTED
     assert answer.lines == ["stopped before controller made a step: nothing was compared"]
+
+
+@pytest.mark.usefixtures("nothing_is_left")
+def test_a_stop_ends_the_wait_for_who_has_not_joined(two_link_recording, tmp_path, monkeypatch):
+    pace = play.Pace()
+    pace.stop()
+    monkeypatch.setattr(play, "Pace", lambda: pace)
+    ticket = str(tmp_path / "c.ticket")
+    given = ["play", str(two_link_recording), "--participant", "controller", "--ticket", ticket]
+    assert main(given) == ExitCode.INTERRUPTED
