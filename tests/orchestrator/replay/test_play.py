@@ -52,6 +52,7 @@ def test_who_holds_a_step_is_named_and_a_stop_compares_what_there_is(
         (["--from", "60"], "no step from 60 to 60: the recording has 60"),
         (["--from", "7ms"], "not a whole number"),
         (["--ticket", "taken"], "taken cannot be written: it exists"),
+        (["--ticket", "taken/c"], "taken/c cannot be written: Not a directory"),
     ],
 )
 def test_what_cannot_be_played_is_one_sentence(
