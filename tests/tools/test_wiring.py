@@ -37,8 +37,8 @@ def scenario(types=("JointState/1",), **changed):
 
 
 def svg(data, tmp_path):
-    draw_wiring(data, {}, tmp_path / "wiring.svg")
-    return (tmp_path / "wiring.svg").read_text(encoding="utf-8")
+    draw_wiring(data, {}, tmp_path / "wiring.SVG")
+    return (tmp_path / "wiring.SVG").read_text(encoding="utf-8")
 
 
 def recorded(data):

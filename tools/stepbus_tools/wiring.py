@@ -42,7 +42,7 @@ def draw_wiring(
     if target is None:
         return _mermaid(nodes)
     text = f"{_mermaid(nodes)}\n"
-    if target.suffix == ".svg":
+    if target.suffix.lower() == ".svg":
         day, night = ("svg{{color:{ink};background:{paper}}}".format(**c) for c in (PAPER, NIGHT))
         style = f"<style>{day}@media (prefers-color-scheme:dark){{{night}}}</style>"
         text = _svg(nodes).replace(">", f">{style}", 1)

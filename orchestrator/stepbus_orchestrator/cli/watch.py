@@ -19,13 +19,13 @@ from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import RUN_FILE
-from stepbus_orchestrator.run.folder import first_new
+from stepbus_orchestrator.run.folder import new_folder
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_orchestrator.scenario.extend import chain
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.scenario_files import WATCH_FILE
-from stepbus_participant import ExtraMissing, make_folder, need, read_file, replaced
+from stepbus_participant import ExtraMissing, need, read_file, replaced
 from stepbus_schemas import StepbusError, WiringError
 
 _TICK_MS = 100
@@ -127,8 +127,7 @@ class _Watch:
         return _State(dict(_digests(sorted(paths))), error)
 
     def _start(self, why: str) -> None:
-        make_folder(out := self._out or Path("runs"))
-        self._folder = first_new(out / str(number) for number in itertools.count(1))
+        self._folder = new_folder(self._out or Path("runs"), map(str, itertools.count(1)))
         if why:
             say(f"changed: {why}; run {self._folder}")
         self._run = subprocess.Popen([sys.executable, *_words(), "--out", str(self._folder)])

@@ -110,6 +110,8 @@ class Calls:
         """Push a link from now on; more: further keys of `Action`, such as `point`."""
         if not isinstance(more, dict | None):
             raise CallError(f"MORE must be a map such as {{frame: link}}, not {more!r}")
+        if others := (more or {}).keys() - {"torque", "frame", "point"}:
+            raise CallError(f"MORE may have torque, frame and point, not {min(others, key=str)!r}")
         try:
             given = {"at": "0s", "push": link, "force": force, "over": over, **(more or {})}
             self._script.record(self._time_ns(), self._script.pushes.begin(Action.of(given)))

@@ -11,7 +11,9 @@ import pytest
 from support.browser import needs_chromium, opened
 from support.paths import CHECKOUT
 
+from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.new import write_starter
+from stepbus_orchestrator.errors import ExitCode
 
 LONGEST_S = 60.0
 QUICK = ("--set", "duration=100ms")
@@ -115,6 +117,13 @@ def test_what_has_one_result_has_no_watch(watching, option):
     one = watching(option)
     assert one.process.wait(LONGEST_S) == 2
     one.until(f"{option} cannot be combined with --watch")
+
+
+def test_a_watch_that_cannot_write_is_one_sentence(tmp_path, capsys):
+    (tmp_path / "taken").touch()
+    out = str(tmp_path / "taken" / "runs")
+    assert main(["run", "two_link", "--watch", "--out", out]) == ExitCode.RECORDING
+    assert "cannot create a folder in" in capsys.readouterr().err
 
 
 @pytest.mark.slow
