@@ -16,6 +16,7 @@ from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.cli.commands import Run
 from stepbus_orchestrator.cli.interrupts import INTERRUPTED, interrupting
 from stepbus_orchestrator.cli.terminal.output import print_error, say
+from stepbus_orchestrator.cli.terminal.stdout_buffer import is_read
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import RUN_FILE
@@ -54,7 +55,7 @@ def watch(given: Run, load: Callable[[Run], Scenario], interrupt: threading.Even
             raise WiringError(f"--{option} cannot be combined with --watch")
     watching = _Watch(given, load)
     try:
-        while not interrupt.is_set():
+        while is_read() and not interrupt.is_set():
             folders = watching.folders()
             watching.look()
             changes = library.watch(
@@ -72,7 +73,7 @@ def watch(given: Run, load: Callable[[Run], Scenario], interrupt: threading.Even
                 if names or not number:
                     watching.look()
                 watching.follow(interrupt)
-                if interrupt.is_set() or watching.folders() != folders:
+                if not is_read() or interrupt.is_set() or watching.folders() != folders:
                     break
         return INTERRUPTED if watching.is_running() else 0
     finally:

@@ -112,6 +112,14 @@ def test_a_run_in_progress_is_ended_and_started_anew(watching):
     assert one.process.wait(LONGEST_S) == 130
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(2 * LONGEST_S)
+def test_a_watch_ends_with_its_reader(tmp_path):
+    watch = f"{sys.executable} -m stepbus_orchestrator.cli run two_link --watch --no-report"
+    command = f"{watch} --set duration=10ms | head -1"
+    subprocess.run(command, shell=True, cwd=tmp_path, timeout=LONGEST_S, check=True)
+
+
 @pytest.mark.parametrize("option", ["--json", "--view"])
 def test_what_has_one_result_has_no_watch(watching, option):
     one = watching(option)
