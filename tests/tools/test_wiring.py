@@ -95,7 +95,7 @@ def test_nothing_is_loaded_that_a_recorded_scenario_names():
 
 
 def test_without_graphviz_the_text_is_there_and_a_report_says_why(tmp_path, monkeypatch):
-    monkeypatch.setattr(wiring, "which", lambda _: None)
+    monkeypatch.setattr(wiring, "files", lambda _: [])
     assert draw_wiring(scenario(), {}).count("stage_0") == 1
     with pytest.raises(ExtraMissing, match=r"needs graphviz-pure, .*pip install 'stepbus\[report"):
         svg(scenario(), tmp_path)
