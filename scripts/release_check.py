@@ -66,14 +66,16 @@ class Environment:
         for entry in Path(sysconfig.get_path("purelib")).iterdir():
             if "stepbus" not in entry.name and entry.name != "__pycache__":
                 (site / entry.name).symlink_to(entry)
+        name = "graphviz-pure"
+        (self.programs / name).symlink_to(Path(sysconfig.get_path("scripts")) / name)
         self.pip("--no-deps", "--no-index", wheel)
 
     def run(self, command: str, cwd: Path, patience_s: float = 300.0) -> str:
         """Return what one of its programs prints; raises Failed."""
         program, *words = shlex.split(command)
-        variables = [f"HOME={self.folder}/home", "LANG=C.UTF-8", "COLUMNS=120"]
-        variables.append(f"PATH={self.programs}:/usr/local/bin:/usr/bin:/bin")
-        line: tuple[str | Path, ...] = ("env", "-i", *variables, self.programs / program, *words)
+        path = f"PATH={self.programs}:/usr/local/bin:/usr/bin:/bin"
+        variables = (f"HOME={self.folder}/home", "LANG=C.UTF-8", "COLUMNS=120", path)
+        line = ("env", "-i", *variables, self.programs / program, *words)
         return run(*line, cwd=cwd, patience_s=patience_s)
 
 
@@ -107,15 +109,13 @@ class Release:
         if self.options.tag is not None:
             changelog = self.files["CHANGELOG.md"].decode()
             yield from problems_of_tag(self.options.tag, self.version, changelog)
-        twine = (sys.executable, "-m", "twine", "--no-color", "check", "--strict")
-        run(*twine, *self.built, cwd=ROOT)
+        run(sys.executable, "-m", "twine", "--no-color", "check", "--strict", *self.built, cwd=ROOT)
 
     def demo(self) -> Iterator[str]:
         """Do what the first page promises, with the packages of this environment."""
         environment = Environment(self.folder / "demo")
         environment.borrow(self.wheel)
-        folder = self.folder / "demo/work"
-        folder.mkdir()
+        (folder := self.folder / "demo/work").mkdir()
         said = environment.run("stepbus --version", folder).strip()
         if said != f"stepbus {self.version}":
             yield f"stepbus --version prints {said}"
@@ -135,9 +135,9 @@ class Release:
     def extras(self) -> Iterator[str]:
         """Install each extra into an empty environment and use it; yield those that fail."""
         for name in self.options.extra or EXTRAS:
-            began, place = time.monotonic(), self.folder / f"extra-{name}"
+            began = time.monotonic()
             try:
-                self._try_extra(name, place)
+                self._try_extra(name, self.folder / f"extra-{name}")
             except Failed as exc:
                 yield f"extra {name}: {exc}"
             say(f"extras: {name}: {time.monotonic() - began:.0f} s")
