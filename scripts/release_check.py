@@ -135,9 +135,9 @@ class Release:
     def extras(self) -> Iterator[str]:
         """Install each extra into an empty environment and use it; yield those that fail."""
         for name in self.options.extra or EXTRAS:
-            began = time.monotonic()
+            began, place = time.monotonic(), self.folder / f"extra-{name}"
             try:
-                self._try_extra(name, self.folder / f"extra-{name}")
+                self._try_extra(name, place)
             except Failed as exc:
                 yield f"extra {name}: {exc}"
             say(f"extras: {name}: {time.monotonic() - began:.0f} s")
