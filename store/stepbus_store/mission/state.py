@@ -131,6 +131,7 @@ class Sale:
     gripper's tip at its latest goal [m]. attempts: to grasp the item. detection_error: of the
     latest detection [m]; None: unknown. lost_ns: since when a carried item is not held [ns].
     asides: how many other places of the base have been tried on the way to the shelf, or home.
+    withdrawals: how often the arm was drawn in on the way, to drive again.
     """
 
     number: int
@@ -146,6 +147,7 @@ class Sale:
     detection_error: float | None = None
     lost_ns: int | None = None
     asides: int = 0
+    withdrawals: int = 0
 
     @property
     def aside(self) -> float:

@@ -112,6 +112,8 @@ STATES: Mapping[str, State] = {
     ),
     "release": _goal("releasing it", "back_off"),
     "back_off": _goal("moving up", "inspect"),
+    "withdraw": _carry("drawing the arm in", "home"),
+    "fold_again": _goal("tucking the arm in", "drive"),
     "stop": State(
         doing="stopping", then={"rest": "failed", "restless": "failed", "recover": "recover"}
     ),

@@ -59,6 +59,9 @@ from stepbus_store.mission.verification import looked_at, wants_image
 from stepbus_store.mission.witness import Witness
 from stepbus_store.poses import check_poses
 
+_WITHDRAWALS = 3
+"""How often in a sale the base goes on without the arm beside it."""
+
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
 
 
@@ -269,6 +272,7 @@ class StoreMission(Remembering):
             goal = (
                 self._planned_instead(store, outcome)
                 or self._elsewhere(store, outcome)
+                or self._withdrawn(store, outcome)
                 or self.enter(store, outcome)
             )
             if goal is not None or store.visit.state in LAST:
@@ -301,6 +305,17 @@ class StoreMission(Remembering):
         where = f"{abs(sale.aside):.2f} m beside it"
         store.report(f"{outcome.text}; next, a place {where}", "warning")
         return self._send(store, Visit(state=trip, start_ns=store.inputs.t_ns))
+
+    def _withdrawn(self, store: StoreState, outcome: Outcome) -> Goal | None:
+        """Return the goal of an arm that draws in, so that the base may drive on without it."""
+        sale = store.sale
+        is_blocked = outcome.cause == Cause.BLOCKED and store.visit.state in TRIPS
+        if sale is None or not is_blocked or sale.withdrawals == _WITHDRAWALS:
+            return None
+        sale.withdrawals += 1
+        store.report(f"{outcome.text}; draws the arm in, and drives on", "warning")
+        state = "withdraw" if store.inputs.gripper.holding else "fold_again"
+        return self._send(store, Visit(state=state, start_ns=store.inputs.t_ns))
 
     def enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
         """Enter the next state; return its goal, if it has one."""

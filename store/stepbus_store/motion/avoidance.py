@@ -29,6 +29,9 @@ _STOP_WITHIN = 0.004
 [m]."""
 
 
+_TUCKED = 0.5
+"""How far from the axis of the base the tip of an arm may be that a detour may not touch [m]."""
+
 _ROOM = 0.02
 """An arm that stands farther than this from what it has stopped for need not leave it [m]."""
 
@@ -221,6 +224,9 @@ class Avoidance:
         base, monitor, navigator = self._parts.base, self._monitor, self._parts.navigator
         if part != "base" or base is None or monitor is None:
             return None
+        if navigator is not None and navigator.awaits_route and self._q is not None:
+            (x, y, _), _ = self._parts.arm.links.tip_pose(self._q)
+            navigator.may_detour = math.hypot(x, y) < _TUCKED
         if navigator is not None and navigator.hindrance and self._near is None:
             if gives_way := navigator.give_way(t):
                 self._reports.status(goal.id, "running", text=gives_way)
@@ -233,9 +239,11 @@ class Avoidance:
             return None
         if base.is_halting:
             return None
-        text = f"{monitor.measured(self._near)}; stopped before it touches"
-        self._near = None
-        if navigator is not None and (asked := navigator.replan(text)):
+        near, self._near = self._near, None
+        text = f"{monitor.measured(near)}; stopped before it touches"
+        # A route is for a base whose arm is drawn in.
+        may_replan = navigator is not None and monitor.is_base(near.ours)
+        if navigator is not None and may_replan and (asked := navigator.replan(text)):
             self._reports.status(goal.id, "running", text=asked)
             self._reports.warn(asked)
             return None

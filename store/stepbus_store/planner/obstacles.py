@@ -13,6 +13,7 @@ import pinocchio as pin
 from stepbus_kinematics import RobotModel, Vector, collision_geometry, radius_from
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Poses, WiringError, parse_shapes
+from stepbus_store.planner.outline import Outline
 from stepbus_store.poses import check_poses
 
 
@@ -89,6 +90,16 @@ class Link:
     shapes: tuple[Solid, ...]
 
 
+def column(outline: Outline, height: float) -> Link:
+    """Return an upright column on the floor, whose placement is that of its outline's frame."""
+    points = coal.StdVec_Vec3s()
+    for x, y in outline.corners.tolist():
+        points.extend(np.array([x, y, z]) for z in (0.0, height))
+    shape = coal.Convex.convexHull(points, False, "")
+    solid = Solid(geometry=shape, placement=pin.SE3.Identity())
+    return Link(name=outline.link, index=-1, shapes=(solid,))
+
+
 _MOVED = 2e-3
 """Displacement between two messages from which something moves [m]."""
 
@@ -163,6 +174,11 @@ class Obstacles:
     def placement(self, poses: Poses, index: int) -> Any:
         """Return the pose of one link in `frame`, as `pinocchio.SE3`."""
         return _pose(poses, self._frame).inverse() * _pose(poses, index)
+
+    def reach(self, poses: Poses, name: str) -> float:
+        """Return how far a link of the robot is from the axis of `frame` [m]; 0: it has no pose."""
+        index = self.index_of(name)
+        return 0.0 if index is None else math.hypot(*self.placement(poses, index).translation[:2])
 
     def moving(self, before: Poses, now: Poses) -> frozenset[str]:
         """Return the links that have moved from one message to the next."""

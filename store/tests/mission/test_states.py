@@ -58,6 +58,11 @@ def test_every_passage_of_the_table_is_walked():
     found |= walked(together | {"waits": {"lost": 0.3}}, drops=(("bring", 1),))
     found |= walked({"recover": True}, fails={("drive", 1): "jammed"})
     found |= walked({"recover": True}, fails={("drive", 1): "jammed", ("recover", 1): "no_path"})
+    for state, drawn_in in (("drive", "fold_again"), ("home", "withdraw")):
+        blocked = {(state, 1): "blocked"}
+        found |= walked(params, fails=blocked)
+        found |= walked(params, fails=blocked | {(drawn_in, 1): "invalid"})
+    found |= walked(params, fails=blocked, drops=(("withdraw", 1),))
     parked = {("park", 1): "no_path"}
     found |= walked(fails=parked) | walked({"recover": True}, fails=parked)
     found |= walked(fails=parked, silent=(("halt", 1),))
