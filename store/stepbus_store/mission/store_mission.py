@@ -272,8 +272,7 @@ class StoreMission(Remembering):
             goal = (
                 self._planned_instead(store, outcome)
                 or self._elsewhere(store, outcome)
-                or self._withdrawn(store, outcome)
-                or self.enter(store, outcome)
+                or self.enter(store, self._withdrawn(store, outcome))
             )
             if goal is not None or store.visit.state in LAST:
                 return goal
@@ -306,16 +305,15 @@ class StoreMission(Remembering):
         store.report(f"{outcome.text}; next, a place {where}", "warning")
         return self._send(store, Visit(state=trip, start_ns=store.inputs.t_ns))
 
-    def _withdrawn(self, store: StoreState, outcome: Outcome) -> Goal | None:
-        """Return the goal of an arm that draws in, so that the base may drive on without it."""
+    def _withdrawn(self, store: StoreState, outcome: Outcome) -> Outcome:
+        """Return the outcome; blocked: the arm draws in first, then the base drives on without."""
         sale = store.sale
-        is_blocked = outcome.cause == Cause.BLOCKED and store.visit.state in TRIPS
-        if sale is None or not is_blocked or sale.withdrawals == _WITHDRAWALS:
-            return None
+        can_help = outcome.cause == Cause.BLOCKED and "blocked" in STATES[store.visit.state].then
+        if sale is None or not can_help or sale.withdrawals == _WITHDRAWALS:
+            return outcome
         sale.withdrawals += 1
         store.report(f"{outcome.text}; draws the arm in, and drives on", "warning")
-        state = "withdraw" if store.inputs.gripper.holding else "fold_again"
-        return self._send(store, Visit(state=state, start_ns=store.inputs.t_ns))
+        return replace(outcome, name="blocked")
 
     def enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
         """Enter the next state; return its goal, if it has one."""
