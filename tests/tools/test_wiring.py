@@ -37,8 +37,8 @@ def scenario(types=("JointState/1",), **changed):
 
 
 def svg(data, tmp_path):
-    draw_wiring(data, {}, tmp_path / "wiring.svg")
-    return (tmp_path / "wiring.svg").read_text(encoding="utf-8")
+    draw_wiring(data, {}, tmp_path / "wiring.SVG")
+    return (tmp_path / "wiring.SVG").read_text(encoding="utf-8")
 
 
 def recorded(data):
@@ -95,7 +95,7 @@ def test_nothing_is_loaded_that_a_recorded_scenario_names():
 
 
 def test_without_graphviz_the_text_is_there_and_a_report_says_why(tmp_path, monkeypatch):
-    monkeypatch.setattr(wiring, "which", lambda _: None)
+    monkeypatch.setattr(wiring, "files", lambda _: [])
     assert draw_wiring(scenario(), {}).count("stage_0") == 1
     with pytest.raises(ExtraMissing, match=r"needs graphviz-pure, .*pip install 'stepbus\[report"):
         svg(scenario(), tmp_path)

@@ -3,12 +3,11 @@
 import json
 import re
 import subprocess
-import sysconfig
 from collections.abc import Mapping, Sequence
 from html import escape
+from importlib.metadata import PackageNotFoundError, files
 from itertools import zip_longest
 from pathlib import Path
-from shutil import which
 from typing import Any, NamedTuple
 
 from msgspec import structs
@@ -42,7 +41,7 @@ def draw_wiring(
     if target is None:
         return _mermaid(nodes)
     text = f"{_mermaid(nodes)}\n"
-    if target.suffix == ".svg":
+    if target.suffix.lower() == ".svg":
         day, night = ("svg{{color:{ink};background:{paper}}}".format(**c) for c in (PAPER, NIGHT))
         style = f"<style>{day}@media (prefers-color-scheme:dark){{{night}}}</style>"
         text = _svg(nodes).replace(">", f">{style}", 1)
@@ -170,10 +169,11 @@ def _svg(nodes: list[_Node]) -> str:
 
 
 def _drawn(dot: str) -> str:
-    program = which(Path(sysconfig.get_path("scripts")) / _PROGRAM) or which(_PROGRAM)
-    if program is None:
-        raise ExtraMissing(lacks("the picture of the wiring", _PROGRAM))
-    words, given = [program, "-Tsvg"], dot.encode(errors="replace")
+    try:
+        (program,) = (file.locate() for file in files(_PROGRAM) or () if file.name == _PROGRAM)
+    except (PackageNotFoundError, ValueError) as exc:
+        raise ExtraMissing(lacks("the picture of the wiring", _PROGRAM)) from exc
+    words, given = [str(program), "-Tsvg"], dot.encode(errors="replace")
     try:
         done = subprocess.run(words, input=given, capture_output=True, timeout=_DRAW_S, check=True)
     except (OSError, subprocess.SubprocessError) as exc:

@@ -14,9 +14,8 @@ _MOST_CHARACTERS = 400
 class FileChange(msgspec.Struct, frozen=True, kw_only=True):
     """One file that differs.
 
-    line: the first line of the second file that differs; 0 where only one side has the file, or it
-    is no text. what: how it differs, in words; diff: lines of a unified diff; empty where there is
-    none.
+    line: the first line of the second file that differs; 0: only one side has the file, or it is no
+    text. what: how it differs, in words; diff: lines of a unified diff; empty: there is none.
     """
 
     name: str

@@ -63,7 +63,8 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
             places = ", ".join(change.place for change in self.code)
             yield f"changed code: {places or 'none'}"
         if self.steps[0] != self.steps[1]:
-            yield f"the first ends at step {self.steps[0]}, the second at step {self.steps[1]}"
+            ends = (f"ends at step {n}" if n >= 0 else "has no message" for n in self.steps)
+            yield "the first {}, the second {}".format(*ends)
         for side, topics in (("first", self.only_first), ("second", self.only_second)):
             if topics:
                 yield f"only in the {side}: {', '.join(topics)}"

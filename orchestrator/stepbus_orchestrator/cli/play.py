@@ -3,7 +3,7 @@
 import dataclasses
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from pathlib import Path
 
@@ -23,6 +23,8 @@ from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.external import External
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.real_time import Speed
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.run.kernel.state import RunPhase
 from stepbus_orchestrator.run.reports import Observer, Progress
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_schemas import WiringError
@@ -34,12 +36,12 @@ _PATIENCE_S = 5.0
 class Playing(Speed, Observer):
     """Holds the steps of a play by the wall clock, and shows what the participant makes of them.
 
-    given: which steps, and how fast. display: shows it.
+    given: which steps, and how fast. pace: may end it. display: shows it.
     """
 
-    def __init__(self, given: Play, display: Display) -> None:
+    def __init__(self, given: Play, pace: Pace, display: Display) -> None:
         super().__init__(step_ns=0)
-        self._given, self._display = given, display
+        self._given, self._pace, self._display = given, pace, display
         self._shown, self._held, self._held_at = "", -1, 0.0
         self._lines: Callable[[], list[str]] | None = None
 
@@ -51,6 +53,11 @@ class Playing(Speed, Observer):
         if self._first >= end:
             raise WiringError(f"no step from {self._first} to {end}: the recording has {steps}")
         return dataclasses.replace(scenario, window=1, batch=1, steps=end)
+
+    def awaiting(self, participants: Iterable[ParticipantState]) -> None:
+        """Interrupt it where the user stops it before its participant, for whom it waits, joins."""
+        if self._pace.is_stopping and self.run.state.phase is RunPhase.START_UP:
+            self.run.interrupt.set()
 
     def limit(self, released: int) -> int:
         """Return the first step whose time has not come."""
@@ -94,7 +101,7 @@ def play_command(given: Play) -> Answer:
         check_trust(recording, name, trust=given.trust)
     ticket = given.ticket or Path(f"{name}.ticket")
     display = Display(sys.stdout, f"play to {name}", below=HELP if has_terminal() else "")
-    playing = Playing(given, display)
+    playing = Playing(given, pace, display)
     with closing(display), interruptible() as interrupt, controlled(pace, interrupt):
         result = replay(
             recording.path,

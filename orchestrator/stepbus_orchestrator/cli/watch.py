@@ -16,16 +16,17 @@ from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.cli.commands import Run
 from stepbus_orchestrator.cli.interrupts import INTERRUPTED, interrupting
 from stepbus_orchestrator.cli.terminal.output import print_error, say
+from stepbus_orchestrator.cli.terminal.stdout_buffer import is_read
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import RUN_FILE
-from stepbus_orchestrator.run.folder import first_new
+from stepbus_orchestrator.run.folder import new_folder
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_orchestrator.scenario.extend import chain
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.scenario_files import WATCH_FILE
-from stepbus_participant import ExtraMissing, make_folder, need, read_file, replaced
+from stepbus_participant import ExtraMissing, need, read_file, replaced
 from stepbus_schemas import StepbusError, WiringError
 
 _TICK_MS = 100
@@ -54,7 +55,7 @@ def watch(given: Run, load: Callable[[Run], Scenario], interrupt: threading.Even
             raise WiringError(f"--{option} cannot be combined with --watch")
     watching = _Watch(given, load)
     try:
-        while not interrupt.is_set():
+        while is_read() and not interrupt.is_set():
             folders = watching.folders()
             watching.look()
             changes = library.watch(
@@ -72,7 +73,7 @@ def watch(given: Run, load: Callable[[Run], Scenario], interrupt: threading.Even
                 if names or not number:
                     watching.look()
                 watching.follow(interrupt)
-                if interrupt.is_set() or watching.folders() != folders:
+                if not is_read() or interrupt.is_set() or watching.folders() != folders:
                     break
         return INTERRUPTED if watching.is_running() else 0
     finally:
@@ -127,8 +128,7 @@ class _Watch:
         return _State(dict(_digests(sorted(paths))), error)
 
     def _start(self, why: str) -> None:
-        make_folder(out := self._out or Path("runs"))
-        self._folder = first_new(out / str(number) for number in itertools.count(1))
+        self._folder = new_folder(self._out or Path("runs"), map(str, itertools.count(1)))
         if why:
             say(f"changed: {why}; run {self._folder}")
         self._run = subprocess.Popen([sys.executable, *_words(), "--out", str(self._folder)])

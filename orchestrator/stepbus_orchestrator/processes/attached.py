@@ -55,7 +55,9 @@ def publish(ticket: Ticket, path: Path) -> None:
         ticket.save(hidden)
         hidden.rename(path)
     except OSError as exc:
-        hidden.unlink(missing_ok=True)
+        # Where the file system is read-only, this fails as well.
+        with contextlib.suppress(OSError):
+            hidden.unlink()
         raise StartFailed(
             f"{ticket.name}: its ticket {path} cannot be written: {exc.strerror or exc}",
             participant=ticket.name,

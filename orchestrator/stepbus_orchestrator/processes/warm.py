@@ -28,6 +28,8 @@ _LIBRARIES = ("zenoh", "numpy")
 """What nearly every class loads."""
 _ANSWER_S = 10.0
 """How long it may take to load its libraries, and to fork [s]; it may have been stopped."""
+_FORKING = threading.Lock()
+"""Of all runs of this process: one must not take back what another one needs."""
 _ROOM = " " * 250
 _TICKET_ROOM = " " * 4095
 """What the command of a participant, and the path of its ticket, take the place of."""
@@ -101,12 +103,13 @@ class _Parent:
 def _subreaper() -> Iterator[None]:
     """Become the parent of those whose own one ends, for the moment of a fork."""
     call, was = ctypes.CDLL(None).prctl, ctypes.c_int()
-    call(_PR_GET_CHILD_SUBREAPER, ctypes.byref(was))
-    call(_PR_SET_CHILD_SUBREAPER, 1)
-    try:
-        yield
-    finally:
-        call(_PR_SET_CHILD_SUBREAPER, was.value)
+    with _FORKING:
+        call(_PR_GET_CHILD_SUBREAPER, ctypes.byref(was))
+        call(_PR_SET_CHILD_SUBREAPER, 1)
+        try:
+            yield
+        finally:
+            call(_PR_SET_CHILD_SUBREAPER, was.value)
 
 
 _parent: _Parent | None = None

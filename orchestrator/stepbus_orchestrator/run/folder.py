@@ -26,7 +26,11 @@ def default_folder(scenario: Scenario, parent: Path) -> Path:
     cannot be made.
     """
     stem = f"{scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    names = chain([stem], (f"{stem}-{number}" for number in count(2)))
+    return new_folder(parent, chain([stem], (f"{stem}-{number}" for number in count(2))))
+
+
+def new_folder(parent: Path, names: Iterable[str]) -> Path:
+    """Make the first of these folders that does not exist yet; raises RecordingFailed."""
     try:
         make_folder(parent)
         return first_new(parent / name for name in names)

@@ -108,10 +108,10 @@ class Calls:
 
     def push(self, link: str, force: object, over: object = "100ms", more: object = None) -> None:
         """Push a link from now on; more: further keys of `Action`, such as `point`."""
-        if not isinstance(more, dict | None):
-            raise CallError(f"MORE must be a map such as {{frame: link}}, not {more!r}")
+        if not isinstance(more := more or {}, dict) or more.keys() - {"torque", "frame", "point"}:
+            raise CallError(f"MORE must be a map of torque, frame and point, not {more!r}")
         try:
-            given = {"at": "0s", "push": link, "force": force, "over": over, **(more or {})}
+            given = {"at": "0s", "push": link, "force": force, "over": over, **more}
             self._script.record(self._time_ns(), self._script.pushes.begin(Action.of(given)))
         except WiringError as exc:
             raise CallError(str(exc)) from exc

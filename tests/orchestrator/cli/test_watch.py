@@ -11,7 +11,9 @@ import pytest
 from support.browser import needs_chromium, opened
 from support.paths import CHECKOUT
 
+from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.new import write_starter
+from stepbus_orchestrator.errors import ExitCode
 
 LONGEST_S = 60.0
 QUICK = ("--set", "duration=100ms")
@@ -110,11 +112,26 @@ def test_a_run_in_progress_is_ended_and_started_anew(watching):
     assert one.process.wait(LONGEST_S) == 130
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(2 * LONGEST_S)
+def test_a_watch_ends_with_its_reader(tmp_path):
+    watch = f"{sys.executable} -m stepbus_orchestrator.cli run two_link --watch --no-report"
+    command = f"{watch} --set duration=10ms | head -1"
+    subprocess.run(command, shell=True, cwd=tmp_path, timeout=LONGEST_S, check=True)
+
+
 @pytest.mark.parametrize("option", ["--json", "--view"])
 def test_what_has_one_result_has_no_watch(watching, option):
     one = watching(option)
     assert one.process.wait(LONGEST_S) == 2
     one.until(f"{option} cannot be combined with --watch")
+
+
+def test_a_watch_that_cannot_write_is_one_sentence(tmp_path, capsys):
+    (tmp_path / "taken").touch()
+    out = str(tmp_path / "taken" / "runs")
+    assert main(["run", "two_link", "--watch", "--out", out]) == ExitCode.RECORDING
+    assert "cannot create a folder in" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -52,6 +52,7 @@ def test_who_holds_a_step_is_named_and_a_stop_compares_what_there_is(
         (["--from", "60"], "no step from 60 to 60: the recording has 60"),
         (["--from", "7ms"], "not a whole number"),
         (["--ticket", "taken"], "taken cannot be written: it exists"),
+        (["--ticket", "taken/c"], "taken/c cannot be written: Not a directory"),
     ],
 )
 def test_what_cannot_be_played_is_one_sentence(
@@ -68,12 +69,13 @@ def test_a_stop_before_the_first_step_is_not_equal(
     two_link_recording, tmp_path, elsewhere, monkeypatch
 ):
     elsewhere.join(tmp_path / "c.ticket")
-    pace = play.Pace()
+    pace = play.Pace(at=0)
 
     class Stopping(play.Playing):
         def progress(self, progress):
             super().progress(progress)
-            pace.stop()
+            if progress.phase == "paused":
+                pace.stop()
 
     monkeypatch.setattr(play, "Playing", Stopping)
     monkeypatch.setattr(play, "Pace", lambda: pace)
@@ -81,3 +83,13 @@ def test_a_stop_before_the_first_step_is_not_equal(
     answer = play.play_command(Play.complete()(two_link_recording, **options))
     assert answer.code == ExitCode.INTERRUPTED
     assert answer.lines == ["stopped before controller made a step: nothing was compared"]
+
+
+@pytest.mark.usefixtures("nothing_is_left")
+def test_a_stop_ends_the_wait_for_who_has_not_joined(two_link_recording, tmp_path, monkeypatch):
+    pace = play.Pace()
+    pace.stop()
+    monkeypatch.setattr(play, "Pace", lambda: pace)
+    ticket = str(tmp_path / "c.ticket")
+    given = ["play", str(two_link_recording), "--participant", "controller", "--ticket", ticket]
+    assert main(given) == ExitCode.INTERRUPTED

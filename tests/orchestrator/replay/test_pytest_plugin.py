@@ -110,7 +110,7 @@ def test_a_test_catches_a_gain_changed_in_the_work_tree(pytester):
     file.write_text(file.read_text().replace("kp: 200", "kp: 999"))
     result = pytester.runpytest_inprocess(*PLUGIN)
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["E*controller.params.kp is 999, recorded 200"])
+    result.stdout.fnmatch_lines(["E*controller.params.kp is 999, recorded 200 (scenario.yaml:17)"])
     pytester.makepyfile(EQUAL.replace("stepbus_replay()", "stepbus_replay(recorded=True)"))
     pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
 

@@ -111,3 +111,11 @@ def hurry() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(buffer := getattr(stream, "buffer", None), StdoutBuffer):
             buffer.is_needed = False
+
+
+def is_read() -> bool:
+    """Return False once the pipe or terminal of standard output is closed at its other end."""
+    poll = select.poll()
+    if isinstance(buffer := getattr(sys.stdout, "buffer", None), StdoutBuffer):
+        poll.register(buffer, 0)
+    return not poll.poll(0)

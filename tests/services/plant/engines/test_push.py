@@ -159,6 +159,7 @@ def test_mistakes_are_told_before_anything_is_pushed(tmp_path, engine):
         (["1s"], "nothing can be pushed with `dynamics: off`"),
         (["now"], "over: 'now' is not a duration"),
         (["1s", "link"], "MORE must be a map"),
+        (["1s", {"push": "root"}], "MORE must be a map of torque, frame and point"),
     ):
         with pytest.raises(CallError, match=text):
             plant.calls.push("rod", UP, *given)
