@@ -248,7 +248,9 @@ def retry(store: StoreState) -> Outcome | None:
     if store.doing in _APPROACHING and problem.cause in REFUSED:
         return _other_approach(store, problem)
     attempts = store.settings.attempts
-    if problem.cause in HOPELESS:
+    # Fingers that have not left the width at which they came do not move.
+    is_stuck = store.inputs.gripper.width > store.opening() - _SAME_WIDTH
+    if problem.cause in HOPELESS or (problem.cause == Cause.STUCK and is_stuck):
         return Outcome(name="over")
     text = f"attempt {sale.attempts} of {attempts} failed while {store.doing}: {problem.text}"
     store.report(text, "error")

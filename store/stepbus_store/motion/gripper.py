@@ -33,6 +33,9 @@ _STILL, _STILL_FOR = 2e-4, 0.1
 _PATIENCE = 0.5
 """Time that the fingers may stand still short of the goal [s]."""
 
+_IS_JAMMED = ": is one finger jammed?"
+"""They are coupled: where one is jammed, the other does not move either."""
+
 _RAISE_BY = 1.25
 """Factor on the force when what is held slips."""
 
@@ -182,13 +185,14 @@ class Gripper:
         return outcome
 
     def _judge(self, goal: GripperCommand, state: GripperState, still: float) -> Outcome | None:
-        is_still = still >= _STILL_FOR - 1e-9
-        if is_still and state.holding:
+        is_still, tolerance = still >= _STILL_FOR - 1e-9, self._params.gripper_tolerance
+        opens = goal.width > self._began_at + tolerance
+        if is_still and state.holding and not opens:
             self._holds_width = state.width
             text = f"held: {_mm(state.width)} wide, {state.force:.1f} N"
             return Outcome(state="succeeded", text=text)
-        opens = goal.width > self._began_at and not state.holding
-        if (is_still or opens) and abs(state.width - goal.width) <= self._params.gripper_tolerance:
+        is_free = not state.holding and goal.width > self._began_at
+        if (is_still or is_free) and abs(state.width - goal.width) <= tolerance:
             return Outcome(state="succeeded", text=f"{_mm(state.width)} wide, holds nothing")
         if still < _PATIENCE:
             return None
@@ -196,7 +200,8 @@ class Gripper:
         did = "have not moved" if moved <= _STILL else f"stopped after {_mm(moved)}"
         text = (
             f"the fingers {did}: {_mm(state.width)} wide instead of {_mm(goal.width)}, "
-            f"{state.force:.1f} N of {goal.force:.1f} N, nothing between them"
+            f"{state.force:.1f} N of {goal.force:.1f} N, "
+            f"{'something' if state.holding else 'nothing'} between them{_IS_JAMMED}"
         )
         return Outcome(state="failed", cause=Cause.STUCK, text=text)
 
@@ -218,7 +223,7 @@ class Gripper:
         held, self._holds_width, self._loose_since = self._holds_width, None, None
         return (
             f"what was held at {_mm(held)} is lost: the pads are {_mm(state.width)} apart and "
-            f"press with {state.force:.1f} N"
+            f"press with {state.force:.1f} N{_IS_JAMMED if state.width > held - _STILL else ''}"
         )
 
     def _now(self) -> GripperState:

@@ -69,27 +69,40 @@ _FULL = 0.95
 """Share of the effort limit from which a motor gives all that it has."""
 
 
+_STANDS, _PATIENCE = 1e-4, 1.0
+"""A joint that moves by less [rad, m] for so long [s] does not move."""
+
+
 class JamWatch:
     """Compares what was commanded with what was measured a step later.
 
-    lag: a joint that is further behind is jammed, or something holds it [rad, m]. period: between
-    two commands [s].
+    lag: a joint that is further behind is jammed, or something holds it [rad, m]; infinite: none
+    is. rest: the same of one that has not moved for a while. period: between two commands [s].
     """
 
-    def __init__(self, robot: RobotModel, lag: float, period: float) -> None:
+    def __init__(self, robot: RobotModel, lag: float, rest: float, period: float) -> None:
         self._robot = robot
-        self._lag, self._period = lag, period
+        self._lag, self._rest, self._period = lag, min(lag, rest), period
         self._sent: Vector | None = None
+        self._at = np.full(len(robot.joints), math.inf)
+        self._still = np.zeros(len(robot.joints))
 
     def command(self, sent: JointMotion) -> None:
         """Store the command that leads to the next measurement."""
         self._sent = sent.position + self._period * sent.velocity
 
     def stuck(self, q: Vector) -> NDArray[np.bool_]:
-        """Return which joints do not follow, shape (n,) of bool; q: measured, shape (n,)."""
-        if self._sent is None:
+        """Return which joints do not follow, shape (n,) of bool; q: measured, shape (n,).
+
+        Call it in every step.
+        """
+        if self._sent is None or math.isinf(self._lag):
             return np.zeros(len(q), dtype=bool)
-        return np.abs(self._sent - q) > self._lag
+        behind = np.abs(self._sent - q)
+        waits = (np.abs(q - self._at) <= _STANDS) & (behind > self._rest)
+        self._at = np.where(waits, self._at, q)
+        self._still = np.where(waits, self._still + self._period, 0.0)
+        return (behind > self._lag) | (self._still >= _PATIENCE)
 
     def text(self, q: Vector, effort: Vector | None) -> str:
         """Return a sentence on the joint that is furthest behind; effort: measured [N·m, N]."""
