@@ -205,11 +205,11 @@ class StoreMission(Remembering):
         self._store.inputs = inputs
         witness = self._store.witness
         if inputs.contacts is not None:
-            self._store.blows.feel(inputs.contacts, step.t_ns * 1e-9)
-        if witness is not None and inputs.contacts is not None:
-            witness.feel(inputs.contacts, self._robot_links, step.t_ns * 1e-9)
-            if step.is_new(self._ports.poses):
-                self._watch(self._store, witness)
+            self._store.blows.feel(inputs.contacts, step.t)
+            if witness is not None:
+                witness.feel(inputs.contacts, self._robot_links, step.t)
+                if step.is_new(self._ports.poses):
+                    self._watch(self._store, witness)
         return self._store
 
     def _watch(self, store: StoreState, witness: Witness) -> None:

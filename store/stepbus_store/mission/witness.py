@@ -34,20 +34,19 @@ class Moved:
 class Blows:
     """Remembers the hardest of the latest blows on the robot; links: of it."""
 
-    def __init__(self, links: Collection[str]) -> None:
-        self._links = frozenset(links)
-        self._ground: set[str] = set()
+    def __init__(self, links: frozenset[str]) -> None:
+        self._links = self._known = links
         self._at, self._force, self._text = -math.inf, 0.0, ""
 
     def feel(self, contacts: Contacts, t: float) -> None:
         """Look for a blow at a time [s]; what the robot stands on at first is the ground."""
-        if not self._ground:
+        if self._known == self._links:
             near = zip(contacts.pairs, contacts.distance, strict=True)
-            self._ground = {link for pair, gap in near if gap < _GAP for link in pair}
+            self._known |= {link for pair, gap in near if gap < _GAP for link in pair}
         for pair, force in zip(contacts.pairs, contacts.peaks, strict=True):
             one, other = pair if pair[0] in self._links else pair[::-1]
-            is_known = other in self._links or other in self._ground
-            if force > _BLOW and not is_known and (force > self._force or not self.text(t)):
+            is_hard = force > _BLOW and (force > self._force or not self.text(t))
+            if is_hard and other not in self._known:
                 self._at, self._force = t, force
                 self._text = f"at {t:.2f} s, {one} touches {other} with {force:.1f} N"
 

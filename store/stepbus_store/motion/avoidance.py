@@ -28,7 +28,6 @@ _STOP_WITHIN = 0.004
 """On a planner's path, an arm stops before something is closer; less than the planner's margin
 [m]."""
 
-
 _ROOM = 0.02
 """An arm that stands farther than this from what it has stopped for need not leave it [m]."""
 

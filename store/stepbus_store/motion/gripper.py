@@ -26,7 +26,6 @@ _GRAVITY = 9.81
 _RESOLUTION = 0.01
 """[kg]"""
 
-
 _STILL, _STILL_FOR = 2e-4, 0.1
 """Largest change of the width of fingers that stand still [m], and the time that counts [s]."""
 
@@ -117,11 +116,9 @@ class Gripper:
 
         Raises Refused for a width or force out of range.
         """
-        state = self._now()
-        if not 0.0 <= goal.width <= self._params.gripper_widest:
-            text = (
-                f"width {goal.width:g} m is out of reach (0 to {self._params.gripper_widest:g} m)"
-            )
+        state, widest = self._now(), self._params.gripper_widest
+        if not 0.0 <= goal.width <= widest:
+            text = f"width {goal.width:g} m is out of reach (0 to {widest:g} m)"
             raise Refused(Cause.INVALID, text)
         if not (math.isfinite(goal.force) and goal.force > 0.0):
             raise Refused(Cause.INVALID, f"force {goal.force:g} N would not move the fingers")
@@ -216,8 +213,7 @@ class Gripper:
         if state.holding:
             self._loose_since = None
             return ""
-        if self._loose_since is None:
-            self._loose_since = t
+        self._loose_since = t if self._loose_since is None else self._loose_since
         if t - self._loose_since < _STILL_FOR - 1e-9:
             return ""
         held, self._holds_width, self._loose_since = self._holds_width, None, None

@@ -63,7 +63,7 @@ class Manipulator:
         self._router = router
         self._player = MotionPlayer(robot, limits, options, collisions)
         self.queries = PlannerQueries(options.plan_timeout)
-        self._jam = JamWatch(robot, options.jam_lag, settling.settle_position, options.period)
+        self._jam = JamWatch(robot, options.jam_lag, options.period)
         self._settle: SettleWatch | None = None
         self._tip = options.tip
         self._verdict: Outcome | None = None

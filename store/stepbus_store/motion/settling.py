@@ -54,8 +54,7 @@ class SettleWatch:
     def _off(self, error: Vector, q: Vector) -> str:
         worst = int(np.argmax(np.abs(error)))
         joint, off = self._robot.joints[self._moved[worst]], float(error[worst])
-        slides = self._robot.unit(joint) == "m"
-        text = f"{joint} is {f'{1e3 * off:.3f} mm' if slides else f'{math.degrees(off):.3f}°'}"
+        text = f"{joint} is {_shown(self._robot, joint, off, 3)}"
         if not self._tip:
             return f"{text} off"
         wanted, got = (
@@ -65,53 +64,50 @@ class SettleWatch:
         return f"{text} and {self._tip} {miss:.2f} mm off"
 
 
+def _shown(robot: RobotModel, joint: str, off: float, digits: int) -> str:
+    slides = robot.unit(joint) == "m"
+    return f"{1e3 * off:.{digits}f} mm" if slides else f"{math.degrees(off):.{digits}f}°"
+
+
 _FULL = 0.95
 """Share of the effort limit from which a motor gives all that it has."""
 
-
-_STANDS, _PATIENCE = 1e-4, 1.0
-"""A joint that moves by less [rad, m] for so long [s] does not move."""
+_LASTING, _PATIENCE = 0.05, 1.0
+"""Share of the lag that counts, too, once it has lasted so long [s]."""
 
 
 class JamWatch:
     """Compares what was commanded with what was measured a step later.
 
-    lag: a joint that is further behind is jammed, or something holds it [rad, m]; infinite: none
-    is. rest: the same of one that has not moved for a while. period: between two commands [s].
+    lag: a joint that is further behind is jammed, or something holds it [rad, m]. period: between
+    two commands [s].
     """
 
-    def __init__(self, robot: RobotModel, lag: float, rest: float, period: float) -> None:
+    def __init__(self, robot: RobotModel, lag: float, period: float) -> None:
         self._robot = robot
-        self._lag, self._rest, self._period = lag, min(lag, rest), period
+        self._lag, self._period = lag, period
         self._sent: Vector | None = None
-        self._at = np.full(len(robot.joints), math.inf)
-        self._still = np.zeros(len(robot.joints))
+        self._late = np.zeros(len(robot.joints))
 
     def command(self, sent: JointMotion) -> None:
         """Store the command that leads to the next measurement."""
         self._sent = sent.position + self._period * sent.velocity
 
     def stuck(self, q: Vector) -> NDArray[np.bool_]:
-        """Return which joints do not follow, shape (n,) of bool; q: measured, shape (n,).
-
-        Call it in every step.
-        """
-        if self._sent is None or math.isinf(self._lag):
+        """Return which joints do not follow, shape (n,) of bool; q: measured, shape (n,)."""
+        if self._sent is None:
             return np.zeros(len(q), dtype=bool)
         behind = np.abs(self._sent - q)
-        waits = (np.abs(q - self._at) <= _STANDS) & (behind > self._rest)
-        self._at = np.where(waits, self._at, q)
-        self._still = np.where(waits, self._still + self._period, 0.0)
-        return (behind > self._lag) | (self._still >= _PATIENCE)
+        self._late = np.where(behind > _LASTING * self._lag, self._late + self._period, 0.0)
+        return (behind > self._lag) | (self._late >= _PATIENCE)
 
     def text(self, q: Vector, effort: Vector | None) -> str:
         """Return a sentence on the joint that is furthest behind; effort: measured [N·m, N]."""
         behind = np.zeros_like(q) if self._sent is None else self._sent - q
         worst = int(np.argmax(np.abs(behind)))
         joint, off = self._robot.joints[worst], float(abs(behind[worst]))
-        slides = self._robot.unit(joint) == "m"
-        text = f"{f'{1e3 * off:.0f} mm' if slides else f'{math.degrees(off):.1f}°'} behind"
+        text = f"{_shown(self._robot, joint, off, 1)} behind"
         most = float(self._robot.effort_limit[worst])
         if effort is not None and abs(float(effort[worst])) > _FULL * most:
-            text += f" at its limit of {most:.0f} {'N' if slides else 'N·m'}"
+            text += f" at its limit of {most:.0f} {self._robot.effort_unit(joint)}"
         return f"{joint} is {text}: is it jammed?"
