@@ -56,7 +56,7 @@ from stepbus_store.mission.state import (
 from stepbus_store.mission.state_goals import GOALS
 from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
 from stepbus_store.mission.verification import looked_at, wants_image
-from stepbus_store.mission.witness import Witness
+from stepbus_store.mission.witness import Blows, Witness
 from stepbus_store.poses import check_poses
 
 _WITHDRAWALS = 3
@@ -201,15 +201,18 @@ class StoreMission(Remembering):
                 witness=Witness(self._stock, inputs.poses, settings.tolerances.moved)
                 if settings.verification == "truth"
                 else None,
+                blows=Blows(self._robot_links),
                 visit=visit,
                 inputs=inputs,
             )
         self._store.inputs = inputs
         witness = self._store.witness
-        if witness is not None and inputs.contacts is not None:
-            witness.feel(inputs.contacts, self._robot_links, step.t_ns * 1e-9)
-            if step.is_new(self._ports.poses):
-                self._watch(self._store, witness)
+        if inputs.contacts is not None:
+            self._store.blows.feel(inputs.contacts, step.t)
+            if witness is not None:
+                witness.feel(inputs.contacts, self._robot_links, step.t)
+                if step.is_new(self._ports.poses):
+                    self._watch(self._store, witness)
         return self._store
 
     def _watch(self, store: StoreState, witness: Witness) -> None:

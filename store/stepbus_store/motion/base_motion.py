@@ -44,6 +44,8 @@ _STILL, _STILL_TURNING = 5e-3, 1e-2
 _STEPS = 5
 """Of standing, in a row, until a base counts as settled."""
 
+_WHICH = "is a wheel jammed?"
+
 _APART = 0.1
 """Distance of the poses that `ahead` returns [m]."""
 
@@ -346,6 +348,9 @@ class BaseMotion:
             return None
         off = f"{error.along * 1e3:.1f} mm and {math.degrees(error.angle):.2f}° off"
         text = f"not settled {drive.late:.2f} s after the motion: {off}"
+        slow = slow_wheels(state, self._sent, params.track, least=5e-3)
+        if slow or self._stands(state):
+            return self._give_up(Cause.JAMMED, f"{text}; {slow or _WHICH}")
         return self._give_up(Cause.NOT_SETTLED, text)
 
     def _finish(self) -> Outcome:
@@ -368,7 +373,7 @@ class BaseMotion:
         text = (
             f"the base is {miss * 1e3:.0f} mm and {abs(math.degrees(error.angle)):.1f}° behind "
             f"after {segment.shown(drive.now()[0])} of {segment.shown(segment.length)}; "
-            f"{slow_wheels(self.state, self._sent, self._params.track)}"
+            f"{slow_wheels(self.state, self._sent, self._params.track) or _WHICH}"
         )
         return self._give_up(Cause.JAMMED, text)
 

@@ -151,10 +151,10 @@ def within_limits(
     )
 
 
-def slow_wheels(state: BaseState, sent: BaseCommand, track: float) -> str:
-    """Return a sentence naming the wheels that roll at less than half of their command.
+def slow_wheels(state: BaseState, sent: BaseCommand, track: float, *, least: float = 0.02) -> str:
+    """Return a sentence naming the wheels that roll at less than half of their command, if any.
 
-    track: between the wheels [m].
+    track: between the wheels [m]. least: slowest command that counts [m/s].
     """
     rows = [
         (side, state.vx + sign * track / 2 * state.wz, sent.vx + sign * track / 2 * sent.wz)
@@ -164,6 +164,6 @@ def slow_wheels(state: BaseState, sent: BaseCommand, track: float) -> str:
         # Adding 0 makes of -0 a 0.
         f"the {side} wheel rolls at {round(now, 2) + 0.0:.2f} m/s instead of {wanted:.2f} m/s"
         for side, now, wanted in rows
-        if abs(wanted) > 0.02 and now / wanted < 0.5
+        if abs(wanted) > least and now / wanted < 0.5
     ]
-    return f"{' and '.join(slow)}: is it jammed?" if slow else "is a wheel jammed?"
+    return f"{' and '.join(slow)}: is it jammed?" if slow else ""

@@ -127,6 +127,19 @@ def test_a_jammed_wheel_is_named_with_numbers():
     assert base.motion.command().vx == 0.0
 
 
+@pytest.mark.parametrize("wheel", [0, 1])
+@pytest.mark.parametrize("before", [0.25, 0.3, 0.5])
+def test_a_wheel_that_jams_shortly_before_the_goal_is_named(before, wheel):
+    base = DiffDrive()
+    base.go(type="drive", by=0.8)
+    end, base = base.t, DiffDrive()
+    base.jam = (wheel, end - before)
+    outcome = base.go(type="drive", by=0.8)
+    assert (outcome.state, outcome.cause) == ("failed", "jammed")
+    assert f"{('left', 'right')[wheel]} wheel rolls at 0.00 m/s instead" in outcome.text
+    assert outcome.text.count("wheel") == 1
+
+
 def test_the_base_stops_before_what_it_drives_towards():
     base = DiffDrive()
     base.motion.start(Goal(id=0, type="drive", by=2.0), base.state())
