@@ -124,8 +124,10 @@ class Avoidance:
             return math.inf
         reach = self._monitor.range
         room = min(self._watch.room, reach)
-        # Where the arm moves beside the base, each of them may use up one half.
-        return room / 2 if self._is_beside and room < reach else room
+        if not self._is_beside or room >= reach:
+            return room
+        # Each of both may use up one half, the arm that of the gap from which on it slows down.
+        return max(room / 2, room - self._monitor.slow_within / 2)
 
     def new_collision(self) -> Collision | None:
         """Return a collision when it starts; each pair of links once for each goal."""

@@ -150,6 +150,8 @@ class CollisionMonitor:
         self._links, self._base_links, self._ignore = links, base_links, ignore
         self.range = params.contact_range
         """Range of the contact sensors [m]."""
+        self.slow_within = params.slow_within
+        """Distance from which on the arm slows down [m]."""
         self._ground: set[str] = set()
         self._grasp = Grasp(params, links)
         self._ours = links
@@ -324,7 +326,8 @@ class CollisionMonitor:
         """Return by which share of the way that two links have moved they came closer [m]."""
         before = self._gaps.get((row.ours, row.other))
         if before is None:
-            return 1.0
+            # What has come from beyond the range may pass by.
+            return _SIDEWAYS if row.distance >= self.range - _SUDDEN else 1.0
         share = (before - row.distance) / max(moved, _STANDING)
         return min(max(share, _SIDEWAYS), 1.0)
 
