@@ -40,10 +40,13 @@ _ALONG = 0.01
 _ROOM = (0.12, 0.06, 0.03, 0.0)
 """By how much farther away than it needs the base looks for a detour [m]."""
 
+_ENOUGH = 3
+"""Routes around something after which no more are looked for."""
+
 _ASIDE = (0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """How far the base drives, or drives back, to give way [m]."""
 
-_CARRIED, _HELD, _SWEEP, _HIGH = 0.45, 0.2, 0.1, 0.8
+_CARRIED, _HELD, _SWEEP, _HIGH = 0.45, 0.15, 0.1, 0.8
 """How far ahead of its axis the base carries something, what room that needs [m], every how much of
 a turn [rad], beside what is higher than that [m]."""
 
@@ -173,6 +176,8 @@ class BasePlanner:
         found: list[tuple[float, SmoothRoute, str]] = []
         corners: list[Vector] | None = None
         for extra in _ROOM:
+            if len(found) > _ENOUGH:
+                break
             # Corners that keep some distance can be cut.
             wide = BasePlanner(self._obstacles, self._params, extra)
             if (around := wide._route(a, b, outlines)) is None:

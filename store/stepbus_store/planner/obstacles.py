@@ -91,13 +91,12 @@ class Link:
 
 
 def column(outline: Outline, height: float) -> Link:
-    """Return an upright column on the floor, whose placement is that of its outline's frame."""
-    points = coal.StdVec_Vec3s()
-    for x, y in outline.corners.tolist():
-        points.extend(np.array([x, y, z]) for z in (0.0, height))
-    shape = coal.Convex.convexHull(points, False, "")
-    solid = Solid(geometry=shape, placement=pin.SE3.Identity())
-    return Link(name=outline.link, index=-1, shapes=(solid,))
+    """Return an upright box on the floor around an outline, in the frame of that."""
+    low, high = outline.corners.min(axis=0), outline.corners.max(axis=0)
+    shape = coal.Box(*(high - low).tolist(), height)
+    shape.computeLocalAABB()
+    place = pin.SE3(np.eye(3), np.array([*(low + high) / 2, height / 2]))
+    return Link(name=outline.link, index=-1, shapes=(Solid(geometry=shape, placement=place),))
 
 
 _MOVED = 2e-3
