@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
+from stepbus_schemas import GoalStatus
 from stepbus_store.cause import Cause
 from stepbus_store.mission.inventory import Item
 from stepbus_store.mission.report import Unsold
@@ -115,8 +116,7 @@ def arrived(store: StoreState) -> Outcome | None:
             store.report(f"{STATES[store.visit.state].doing} {status.text.partition('; ')[0]}")
         return Outcome(name="done")
     if status is not None and status.state in {"failed", "cancelled"}:
-        cause = status.cause or status.state
-        return Outcome(name="failed", cause=cause, text=_phrase(cause, status.text))
+        return _failed(status)
     is_new = status is not None and status.text not in ("", store.visit.last_text)
     if status is not None and status.state == "running" and is_new:
         # Such as a search for another path.
@@ -156,19 +156,16 @@ def _trip_failed(store: StoreState) -> Outcome | None:
     if trip.state == "running" and trip.text and trip.text != store.trip_text:
         store.trip_text = trip.text
         store.report(trip.text, "warning")
-    if trip.state not in {"failed", "cancelled"}:
-        return None
-    cause = trip.cause or trip.state
-    text = _phrase(cause, trip.text)
-    return Outcome(name="failed", cause=cause, text=text, doing=store.trip_doing)
+    return _failed(trip, store.trip_doing) if trip.state in {"failed", "cancelled"} else None
 
 
-def _phrase(cause: str, text: str) -> str:
-    """Return cause and text of a status without repeating the cause."""
+def _failed(status: GoalStatus, doing: str = "") -> Outcome:
+    """Return how a goal has failed, with cause and text without repeating the cause."""
+    cause, text = status.cause or status.state, status.text
     words = cause.replace("_", " ")
-    if not text or text.lower().startswith(words):
-        return text or words
-    return f"{words}, {text}"
+    if not text.lower().startswith(words):
+        text = f"{words}, {text}" if text else words
+    return Outcome(name="failed", cause=cause, text=text, doing=doing)
 
 
 def _timeout(store: StoreState) -> Outcome | None:
@@ -248,7 +245,9 @@ def retry(store: StoreState) -> Outcome | None:
     if store.doing in _APPROACHING and problem.cause in REFUSED:
         return _other_approach(store, problem)
     attempts = store.settings.attempts
-    if problem.cause in HOPELESS:
+    # Fingers that have not left the width at which they came do not move.
+    is_stuck = store.inputs.gripper.width > store.opening() - _SAME_WIDTH
+    if problem.cause in HOPELESS or (problem.cause == Cause.STUCK and is_stuck):
         return Outcome(name="over")
     text = f"attempt {sale.attempts} of {attempts} failed while {store.doing}: {problem.text}"
     store.report(text, "error")

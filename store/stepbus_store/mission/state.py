@@ -20,7 +20,7 @@ from stepbus_store.mission.inventory import Item, Stock
 from stepbus_store.mission.params import Order, Params
 from stepbus_store.mission.report import SaleResult, Unsold
 from stepbus_store.mission.state_table import STATES
-from stepbus_store.mission.witness import Witness
+from stepbus_store.mission.witness import Blows, Witness
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +131,7 @@ class Sale:
     gripper's tip at its latest goal [m]. attempts: to grasp the item. detection_error: of the
     latest detection [m]; None: unknown. lost_ns: since when a carried item is not held [ns].
     asides: how many other places of the base have been tried on the way to the shelf, or home.
+    withdrawals: how often the arm was drawn in on the way, to drive again.
     """
 
     number: int
@@ -146,6 +147,7 @@ class Sale:
     detection_error: float | None = None
     lost_ns: int | None = None
     asides: int = 0
+    withdrawals: int = 0
 
     @property
     def aside(self) -> float:
@@ -166,17 +168,18 @@ class StoreState:
     """All that the states read and write.
 
     settings: of the scenario. planned: number of orders at the start. witness: of items that move;
-    None: that is not watched. started: number of orders started. missing: items that could not be
-    taken, and why. unsold: orders that were left out. log: entries of this step. problem: the
-    latest failure; doing: the activity that failed; attempts_text: how many attempts failed. rest:
-    how the emergency stop went. trip: id of the goal of the base beside which others are carried
-    out, with its destination, activity and latest text.
+    None: that is not watched. blows: on the robot; blow: before the problem. started: number of
+    orders started. missing: items that could not be taken, and why. unsold: orders that were left
+    out. log: entries of this step. problem: the latest failure; doing: the activity that failed;
+    attempts_text: how many attempts failed. rest: how the emergency stop went. trip: id of the goal
+    of the base beside which others are carried out, with its destination, activity and latest text.
     """
 
     settings: Params
     planned: int
     stock: Stock
     witness: Witness | None
+    blows: Blows
     visit: Visit
     inputs: Inputs
     sale: Sale | None = None
@@ -187,6 +190,7 @@ class StoreState:
     unsold: list[Unsold] = field(default_factory=list)
     log: list[LogEntry] = field(default_factory=list)
     problem: Outcome | None = None
+    blow: str = ""
     doing: str = ""
     attempts_text: str = ""
     rest: str = ""
@@ -233,7 +237,8 @@ class StoreState:
         if self.visit.state == "retry":
             self.attempts_text = outcome.text
         else:
-            self.problem = outcome
+            self.problem, blow = outcome, self.blows.text(self.since(0))
+            self.blow = f"; {blow}" if blow and " touches " not in outcome.text else ""
             self.doing = outcome.doing or STATES[self.visit.state].doing
             self.attempts_text = ""
 
@@ -255,7 +260,7 @@ class StoreState:
         subject = self.sale or "the mission"
         text = self.problem.text if self.problem else ""
         attempts = f", {self.attempts_text}" if self.attempts_text else ""
-        return f"{subject} failed while {self.doing}: {text}{attempts}; {self.rest}"
+        return f"{subject} failed while {self.doing}: {text}{self.blow}{attempts}; {self.rest}"
 
     def shelf(self, item: Item) -> Spot:
         """Return a point on the front line of an item's shelf, with the heading towards it."""

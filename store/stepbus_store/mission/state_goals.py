@@ -194,6 +194,8 @@ GOALS: Mapping[str, MakeGoal] = {
     "stop": stop,
     "halt": stop,
     "recover": recover,
+    "withdraw": recover,
+    "fold_again": recover,
     "depart": _together(drive),
     "fold": _beside(tuck),
     "ready": _beside(open_gripper),

@@ -32,6 +32,16 @@ def _carry(doing: str, then: str) -> State:
     return State(doing=doing, then=then_by_outcome, carries=True)
 
 
+def _trip(doing: str, then: str) -> State:
+    then_by_outcome = {"done": then, "failed": "stop", "blocked": "fold_again"}
+    return State(doing=doing, then=then_by_outcome)
+
+
+def _bring(doing: str, then: str) -> State:
+    then_by_outcome = {"done": then, "failed": "stop", "dropped": "stop", "blocked": "withdraw"}
+    return State(doing=doing, then=then_by_outcome, carries=True)
+
+
 FIRST = "order"
 LAST = ("end", "failed")
 
@@ -47,7 +57,7 @@ STATES: Mapping[str, State] = {
         },
     ),
     "tuck": _goal("tucking the arm in", "drive"),
-    "drive": _goal("driving to the shelf", "open"),
+    "drive": _trip("driving to the shelf", "open"),
     "open": _goal("opening the gripper", "inspect"),
     "inspect": _goal("moving above its position", "find"),
     "find": State(
@@ -73,7 +83,7 @@ STATES: Mapping[str, State] = {
     "retreat": _carry("taking it off the shelf", "check_height"),
     "check_height": State(doing="lowering it", then={"safe": "reverse", "too_high": "lower"}),
     "reverse": _carry("driving back from the shelf", "home"),
-    "home": _carry("driving home", "above"),
+    "home": _bring("driving home", "above"),
     "above": _carry("moving above the outlet", "aim"),
     "aim": State(
         doing="locating the outlet",
@@ -98,20 +108,22 @@ STATES: Mapping[str, State] = {
         then={"rest": "end", "recover": "end", "restless": "stop"},
     ),
     "depart": _goal("driving to the shelf", "fold"),
-    "fold": _goal("tucking the arm in", "ready"),
-    "ready": _goal("opening the gripper", "reach"),
-    "reach": _goal("moving above its position", "arrive"),
-    "arrive": _goal("driving to the shelf", "find"),
+    "fold": _trip("tucking the arm in", "ready"),
+    "ready": _trip("opening the gripper", "reach"),
+    "reach": _trip("moving above its position", "arrive"),
+    "arrive": _trip("driving to the shelf", "find"),
     "return": _goal("driving home", "draw_in"),
-    "draw_in": _carry("taking it off the shelf", "bring"),
-    "bring": _carry("moving above the outlet", "come_home"),
-    "come_home": _carry("driving home", "aim"),
+    "draw_in": _bring("taking it off the shelf", "bring"),
+    "bring": _bring("moving above the outlet", "come_home"),
+    "come_home": _bring("driving home", "aim"),
     "shift": _grasp("following it", "correct"),
     "retry": State(
         doing="trying again", then={"again": "release", "other": "approach", "over": "stop"}
     ),
     "release": _goal("releasing it", "back_off"),
     "back_off": _goal("moving up", "inspect"),
+    "withdraw": _carry("drawing the arm in", "home"),
+    "fold_again": _goal("tucking the arm in", "drive"),
     "stop": State(
         doing="stopping", then={"rest": "failed", "restless": "failed", "recover": "recover"}
     ),

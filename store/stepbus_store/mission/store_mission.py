@@ -56,8 +56,11 @@ from stepbus_store.mission.state import (
 from stepbus_store.mission.state_goals import GOALS
 from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
 from stepbus_store.mission.verification import looked_at, wants_image
-from stepbus_store.mission.witness import Witness
+from stepbus_store.mission.witness import Blows, Witness
 from stepbus_store.poses import check_poses
+
+_WITHDRAWALS = 3
+"""How often in a sale the base goes on without the arm beside it."""
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
 
@@ -198,15 +201,18 @@ class StoreMission(Remembering):
                 witness=Witness(self._stock, inputs.poses, settings.tolerances.moved)
                 if settings.verification == "truth"
                 else None,
+                blows=Blows(self._robot_links),
                 visit=visit,
                 inputs=inputs,
             )
         self._store.inputs = inputs
         witness = self._store.witness
-        if witness is not None and inputs.contacts is not None:
-            witness.feel(inputs.contacts, self._robot_links, step.t_ns * 1e-9)
-            if step.is_new(self._ports.poses):
-                self._watch(self._store, witness)
+        if inputs.contacts is not None:
+            self._store.blows.feel(inputs.contacts, step.t)
+            if witness is not None:
+                witness.feel(inputs.contacts, self._robot_links, step.t)
+                if step.is_new(self._ports.poses):
+                    self._watch(self._store, witness)
         return self._store
 
     def _watch(self, store: StoreState, witness: Witness) -> None:
@@ -269,7 +275,7 @@ class StoreMission(Remembering):
             goal = (
                 self._planned_instead(store, outcome)
                 or self._elsewhere(store, outcome)
-                or self.enter(store, outcome)
+                or self.enter(store, self._withdrawn(store, outcome))
             )
             if goal is not None or store.visit.state in LAST:
                 return goal
@@ -301,6 +307,16 @@ class StoreMission(Remembering):
         where = f"{abs(sale.aside):.2f} m beside it"
         store.report(f"{outcome.text}; next, a place {where}", "warning")
         return self._send(store, Visit(state=trip, start_ns=store.inputs.t_ns))
+
+    def _withdrawn(self, store: StoreState, outcome: Outcome) -> Outcome:
+        """Return the outcome; blocked: the arm draws in first, then the base drives on without."""
+        sale = store.sale
+        can_help = outcome.cause == Cause.BLOCKED and "blocked" in STATES[store.visit.state].then
+        if sale is None or not can_help or sale.withdrawals == _WITHDRAWALS:
+            return outcome
+        sale.withdrawals += 1
+        store.report(f"{outcome.text}; draws the arm in, and drives on", "warning")
+        return replace(outcome, name="blocked")
 
     def enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
         """Enter the next state; return its goal, if it has one."""

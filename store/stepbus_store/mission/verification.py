@@ -15,7 +15,6 @@ from stepbus_store.poses import yaw_of
 _AIMS = 2
 """Views of the outlet before an item is put down: the second one is corrected by the first."""
 
-
 _LIES = math.radians(45.0)
 """Tilt from which an item that is seen lies."""
 

@@ -1,4 +1,4 @@
-"""Who moved an item: the robot, or another body."""
+"""Who moved an item: the robot, or another body; and what has struck the robot."""
 
 import math
 from collections.abc import Collection, Mapping
@@ -16,6 +16,9 @@ _GAP = 5e-3
 _FELT_FOR = 0.5
 """How long an item that the robot has touched may start to move for that [s]."""
 
+_BLOW, _BLAMED_FOR = 50.0, 3.0
+"""More than any touch of a sale [N], and how long later it may be why that fails [s]."""
+
 _STILL = 1e-4
 """Displacement between two samples below which an item has come to rest [m]."""
 
@@ -26,6 +29,30 @@ class Moved:
 
     item: str
     distance: float
+
+
+class Blows:
+    """Remembers the hardest of the latest blows on the robot; links: of it."""
+
+    def __init__(self, links: frozenset[str]) -> None:
+        self._links = self._known = links
+        self._at, self._force, self._text = -math.inf, 0.0, ""
+
+    def feel(self, contacts: Contacts, t: float) -> None:
+        """Look for a blow at a time [s]; what the robot stands on at first is the ground."""
+        if self._known == self._links:
+            near = zip(contacts.pairs, contacts.distance, strict=True)
+            self._known |= {link for pair, gap in near if gap < _GAP for link in pair}
+        for pair, force in zip(contacts.pairs, contacts.peaks, strict=True):
+            one, other = pair if pair[0] in self._links else pair[::-1]
+            is_hard = force > _BLOW and (force > self._force or not self.text(t))
+            if is_hard and other not in self._known:
+                self._at, self._force = t, force
+                self._text = f"at {t:.2f} s, {one} touches {other} with {force:.1f} N"
+
+    def text(self, t: float) -> str:
+        """Return a sentence on what a failure at a time [s] may come from; empty: nothing."""
+        return self._text if t - self._at <= _BLAMED_FOR else ""
 
 
 class Witness:

@@ -29,6 +29,9 @@ _STOP_WITHIN = 0.004
 [m]."""
 
 
+_TUCKED = 0.5
+"""How far from the axis of the base the tip of an arm may be that a detour may not touch [m]."""
+
 _ROOM = 0.02
 """An arm that stands farther than this from what it has stopped for need not leave it [m]."""
 
@@ -121,8 +124,10 @@ class Avoidance:
             return math.inf
         reach = self._monitor.range
         room = min(self._watch.room, reach)
-        # Where the arm moves beside the base, each of them may use up one half.
-        return room / 2 if self._is_beside and room < reach else room
+        if not self._is_beside or room >= reach:
+            return room
+        # Each of both may use up one half, the arm that of the gap from which on it slows down.
+        return max(room / 2, room - self._monitor.slow_within / 2)
 
     def new_collision(self) -> Collision | None:
         """Return a collision when it starts; each pair of links once for each goal."""
@@ -221,6 +226,9 @@ class Avoidance:
         base, monitor, navigator = self._parts.base, self._monitor, self._parts.navigator
         if part != "base" or base is None or monitor is None:
             return None
+        if navigator is not None and navigator.awaits_route and self._q is not None:
+            (x, y, _), _ = self._parts.arm.links.tip_pose(self._q)
+            navigator.may_detour = math.hypot(x, y) < _TUCKED
         if navigator is not None and navigator.hindrance and self._near is None:
             if gives_way := navigator.give_way(t):
                 self._reports.status(goal.id, "running", text=gives_way)
@@ -233,9 +241,11 @@ class Avoidance:
             return None
         if base.is_halting:
             return None
-        text = f"{monitor.measured(self._near)}; stopped before it touches"
-        self._near = None
-        if navigator is not None and (asked := navigator.replan(text)):
+        near, self._near = self._near, None
+        text = f"{monitor.measured(near)}; stopped before it touches"
+        # A route is for a base whose arm is drawn in.
+        may_replan = navigator is not None and monitor.is_base(near.ours)
+        if navigator is not None and may_replan and (asked := navigator.replan(text)):
             self._reports.status(goal.id, "running", text=asked)
             self._reports.warn(asked)
             return None

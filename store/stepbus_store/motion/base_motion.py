@@ -18,18 +18,24 @@ from stepbus_store.motion.base_segments import (
     turn_by,
 )
 from stepbus_store.motion.base_tracking import (
+    GENTLE,
     PLANNED,
     TrackingError,
     braking,
-    hardest,
+    limited_speeds,
     limits_of,
     safe_speed,
     slow_wheels,
     tracking_command,
     tracking_error,
-    within_limits,
 )
-from stepbus_store.motion.joint_motion import JointMotion, Motion, motion_to, stop_from
+from stepbus_store.motion.joint_motion import (
+    JointMotion,
+    Motion,
+    MotionLimits,
+    motion_to,
+    stop_from,
+)
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.outcome import Outcome
 from stepbus_store.motion.route import base_route
@@ -41,8 +47,13 @@ _BACK_TURN = 0.3
 _STILL, _STILL_TURNING = 5e-3, 1e-2
 """Largest velocities that count as standing [m/s, rad/s]."""
 
+_ROUNDING = 1.001
+"""Speeds and accelerations exceed their limits from this share on."""
+
 _STEPS = 5
 """Of standing, in a row, until a base counts as settled."""
+
+_WHICH = "is a wheel jammed?"
 
 _APART = 0.1
 """Distance of the poses that `ahead` returns [m]."""
@@ -55,13 +66,16 @@ def _as_arc(segment: Segment, length: float) -> float:
 
 @dataclass(kw_only=True)
 class _Drive:
-    """A segment under way: its profile, the profile's own time, the time since its end [s].
+    """A segment under way: its profile, the time since that began, and since its end [s].
 
-    brakes: the profile is a hard stop.
+    fastest: speed that the profile goes up to [m/s, rad/s]. stops: it ends before the segment does.
+    brakes: it has the limits of the brake.
     """
 
     segment: Segment
     profile: Motion
+    fastest: float = math.inf
+    stops: bool = False
     brakes: bool = False
     tau: float = 0.0
     late: float = 0.0
@@ -72,7 +86,7 @@ class _Drive:
         return self.tau >= self.profile.duration
 
     def now(self) -> tuple[float, float, float]:
-        """Return position, speed and acceleration along the segment, in the profile's own time."""
+        """Return position, speed and acceleration along the segment."""
         at = self.profile.at(self.tau)
         return float(at.position[0]), float(at.velocity[0]), float(at.acceleration[0])
 
@@ -90,9 +104,10 @@ class BaseMotion:
         self._state: BaseState | None = None
         self._drive: _Drive | None = None
         self._waiting: deque[PlannedSegment] = deque()
-        self._scale = 1.0
         self._done = False
-        self._sent = self._wanted = BaseCommand()
+        self._sent = BaseCommand()
+        self._wanted: Reference | None = None
+        self._speeds, self._error = limited_speeds(params), TrackingError()
         self._dt = 0.0
         self._target: tuple[float, float, float] | None = None
         self._pose: Reference | None = None
@@ -132,7 +147,7 @@ class BaseMotion:
         self._waiting.clear()
         self._done = False
         self._drive, self._target, self._halt = None, None, None
-        self._sent = self._wanted = BaseCommand()
+        self._lock()
         self.hold(state)
 
     def check_goal(self, goal: Goal, state: BaseState) -> str:
@@ -218,7 +233,7 @@ class BaseMotion:
         lengths = [0.0]
         drive = self._drive
         parts: list[tuple[Segment, float]] = []
-        if drive is not None and not drive.brakes:
+        if drive is not None and not drive.stops:
             parts.append((drive.segment, drive.now()[0]))
         parts += [(segment, 0.0) for segment in self._planned_ahead(route)]
         for segment, start in parts:
@@ -250,48 +265,90 @@ class BaseMotion:
     def advance(self, dt: float, gap: float = math.inf) -> None:
         """Move the reference on by dt [s], so fast that the base could stop within a gap [m].
 
-        It slows down by braking as hard as that takes, and becomes faster within the acceleration
-        limit of its segment.
+        It slows down within the limits of its segment, and brakes where that would not do.
         """
-        self._dt = dt
-        drive = self._drive
+        self._dt, drive = dt, self._drive
         if drive is None:
             return
-        segment, turns = drive.segment, drive.segment.turns
-        s, speed, push = drive.now()
-        params = self._params
-        # What the reference brakes by itself is not left to its time.
-        own = max(-math.copysign(push, push * speed), 0.0) * self._scale**2
-        limits, speed = limits_of(params, segment), abs(speed)
-        safe = safe_speed(params, gap, turns=turns, curvature=segment.curvature(s))
-        turning, slowing = (
-            PLANNED * most for most in (params.base_turn_acceleration, params.base_acceleration)
-        )
-        agile = segment.fastest(s, turning, slowing)
-        wanted = min(safe / max(speed, 1e-9), agile / max(speed, 1e-9), 1.0)
-        rise = float(limits.acceleration[0] / limits.velocity[0]) * dt
-        most = hardest(params, speed * self._scale, gap, turns=turns)
-        fall = max(most - own, 0.0) / max(speed, 1e-9) * dt
-        self._scale += min(max(wanted - self._scale, -float(fall)), rise)
+        self._adapt(drive, gap)
+        drive = self._drive or drive
+        drive.tau += dt
         if drive.is_over:
             drive.late += dt
-        drive.tau += dt * self._scale
+
+    def _adapt(self, drive: _Drive, gap: float) -> None:
+        """Plan what is left of a segment again where the base may be faster, or must be slower."""
+        if drive.is_over and not drive.brakes:
+            return
+        segment, params = drive.segment, self._params
+        limits, hard = limits_of(params, segment), braking(params, turns=segment.turns)
+        s, speed, push = self._commanded(drive) if drive.brakes else drive.now()
+        curvature, share = segment.curvature(s), GENTLE if gap < params.contact_range else 1.0
+        safe, gentle = (
+            safe_speed(params, room, turns=segment.turns, curvature=curvature)
+            for room in (gap, share * gap)
+        )
+        if drive.brakes:
+            # Once it brakes, it does so until it can go on gently.
+            safe = gentle
+        must_brake = abs(speed) > _ROUNDING * safe
+        if drive.stops:
+            if must_brake and not drive.brakes:
+                self._brake(drive, hard=True)
+            return
+        velocity, most, jerk = (
+            float(row[0]) for row in (limits.velocity, limits.acceleration, limits.jerk)
+        )
+        turning = PLANNED * params.base_turn_acceleration
+        agile = segment.fastest(s, turning, most, abs(speed) * most / jerk)
+        fastest = min(gentle, agile, velocity)
+        if fastest == drive.fastest and not must_brake and not drive.brakes:
+            return
+        if must_brake:
+            drive.profile = stop_from(JointMotion.of_one(*self._commanded(drive)), hard)
+        else:
+            if drive.brakes:
+                # From then on it slows down at most so hard that it does not go back.
+                slowing = min(most, math.sqrt(2.0 * jerk * abs(speed)))
+                push = min(max(push, -slowing), slowing)
+            limits = MotionLimits.of_one(fastest, most, jerk)
+            now = JointMotion.of_one(s, speed, push)
+            drive.profile = motion_to(now, np.array([segment.length]), limits)
+        drive.tau, drive.fastest = 0.0, fastest
+        if must_brake or drive.brakes:
+            self._wanted = self._reference(drive)
+        drive.brakes = must_brake
+
+    def _commanded(self, drive: _Drive) -> tuple[float, float, float]:
+        """Return where the base is on a segment, and velocity and acceleration of its command."""
+        speed = self._speeds[drive.segment.turns]
+        error = self._error.angle if drive.segment.turns else self._error.along
+        return drive.now()[0] - error, speed.value, speed.push
 
     def command(self) -> BaseCommand:
         """Return the command of this step."""
-        wanted = self._reference(self._drive) if self._drive is not None else self._pose
-        if wanted is None or self._halt is not None:
-            self._sent, self._wanted = BaseCommand(), BaseCommand()
+        drive, before, dt = self._drive, self._wanted, self._dt
+        now = self._wanted = self._reference(drive) if drive is not None else self._pose
+        if now is None or self._halt is not None or dt == 0.0:
+            self._lock()
             return self._sent
-        holds = self._drive is None
-        command = tracking_command(wanted, self.state, self._params, holds=holds)
-        before, self._wanted = self._wanted, BaseCommand(vx=wanted.vx, wz=wanted.wz)
-        vx, wz, most = wanted.vx - before.vx, wanted.wz - before.wz, self._params.base_acceleration
-        # On a curve it turns no harder than it may, unless it brakes.
-        brakes = abs(vx) > most * self._dt or wanted.vx == 0.0
-        step = BaseCommand(vx=vx, wz=wz if brakes else 0.0)
-        self._sent = within_limits(command, self._sent, step, self._params, self._dt)
+        before = before or now
+        # What has been measured is how far the base has followed the step before.
+        error = self._error = tracking_error(before, self.state)
+        wanted = tracking_command(now, error, self._params, holds=drive is None)
+        brakes = drive is not None and drive.brakes and not drive.is_over
+        vx, wz = self._speeds
+        self._sent = BaseCommand(
+            vx=vx.follow(wanted.vx, (now.vx - before.vx) / dt, dt, brakes=brakes),
+            wz=wz.follow(wanted.wz, (now.wz - before.wz) / dt, dt, brakes=brakes),
+        )
         return self._sent
+
+    def _lock(self) -> None:
+        """Lock the wheels."""
+        self._sent, self._wanted, self._error = BaseCommand(), None, TrackingError()
+        for speed in self._speeds:
+            speed.stop()
 
     def check(self, state: BaseState) -> Outcome | None:
         """Compare with odometry; return how the goal ended, once it has."""
@@ -316,7 +373,7 @@ class BaseMotion:
         state = self.state
         self._halt = stood + 1 if self._stands(state) else 0
         if self._halt >= _STEPS:
-            self._halt, self._scale = None, 1.0
+            self._halt = None
             self._pose = Reference.standing(state.x, state.y, state.yaw)
             if self._waiting:
                 self._next_segment()
@@ -330,7 +387,7 @@ class BaseMotion:
 
     def _reference(self, drive: _Drive) -> Reference:
         s, speed, _ = drive.now()
-        return drive.segment.at(s, speed * self._scale)
+        return drive.segment.at(s, speed)
 
     def _settle(self, drive: _Drive, error: TrackingError) -> Outcome | None:
         params, state = self._params, self.state
@@ -346,6 +403,9 @@ class BaseMotion:
             return None
         off = f"{error.along * 1e3:.1f} mm and {math.degrees(error.angle):.2f}° off"
         text = f"not settled {drive.late:.2f} s after the motion: {off}"
+        slow = slow_wheels(state, self._sent, params.track, least=5e-3)
+        if slow or self._stands(state):
+            return self._give_up(Cause.JAMMED, f"{text}; {slow or _WHICH}")
         return self._give_up(Cause.NOT_SETTLED, text)
 
     def _finish(self) -> Outcome:
@@ -368,7 +428,7 @@ class BaseMotion:
         text = (
             f"the base is {miss * 1e3:.0f} mm and {abs(math.degrees(error.angle)):.1f}° behind "
             f"after {segment.shown(drive.now()[0])} of {segment.shown(segment.length)}; "
-            f"{slow_wheels(self.state, self._sent, self._params.track)}"
+            f"{slow_wheels(self.state, self._sent, self._params.track) or _WHICH}"
         )
         return self._give_up(Cause.JAMMED, text)
 
@@ -393,12 +453,12 @@ class BaseMotion:
 
     def _brake(self, drive: _Drive, *, hard: bool = False) -> None:
         """Bring the reference of a segment to rest, from the speed that it has now."""
-        if drive.brakes and not hard:
+        if drive.stops and not hard:
             return
-        now, turns = drive.profile.at(drive.tau).scaled(self._scale), drive.segment.turns
-        limits = braking(self._params, turns=turns)
-        if not hard:
-            limits = limits_of(self._params, drive.segment)
-        profile = stop_from(now, limits)
-        self._drive = _Drive(segment=drive.segment, profile=profile, brakes=hard)
-        self._scale = 1.0
+        # What brakes already goes on with that.
+        brakes = hard or drive.brakes
+        limits = limits_of(self._params, drive.segment)
+        if brakes:
+            limits = braking(self._params, turns=drive.segment.turns)
+        profile = stop_from(drive.profile.at(drive.tau), limits)
+        self._drive = _Drive(segment=drive.segment, profile=profile, stops=True, brakes=brakes)

@@ -63,7 +63,7 @@ class Turn:
         """Return 0: it has no path."""
         return 0.0
 
-    def fastest(self, s: float, turning: float, slowing: float) -> float:
+    def fastest(self, s: float, turning: float, slowing: float, lead: float = 0.0) -> float:
         """Return infinity: only its limits matter."""
         return math.inf
 
@@ -96,7 +96,7 @@ class Curve:
         """Return the largest curvature [1/m]."""
         return float(np.abs(self._curvature).max())
 
-    def fastest(self, s: float, turning: float, slowing: float) -> float:
+    def fastest(self, s: float, turning: float, slowing: float, lead: float = 0.0) -> float:
         """Return the largest speed at s that lets the base turn as the curve wants it [m/s].
 
         turning: largest angular acceleration [rad/s²]. slowing: deceleration before a place that
@@ -105,7 +105,7 @@ class Curve:
         ahead = self._middles[1:] > abs(s)
         if not ahead.any():
             return math.inf
-        room = np.maximum(self._middles[:-1][ahead] - abs(s), 0.0)
+        room = np.maximum(self._middles[:-1][ahead] - abs(s) - lead, 0.0)
         rates = np.maximum(self._rates[ahead], 1e-9)
         return math.sqrt(float((turning / rates + 2.0 * slowing * room).min()))
 

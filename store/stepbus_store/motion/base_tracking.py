@@ -1,6 +1,7 @@
 """How a base follows its reference: its limits, and the feedback law."""
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from stepbus_schemas import BaseCommand, BaseState
@@ -8,14 +9,14 @@ from stepbus_store.motion.base_segments import Reference, Segment, Turn
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.mobile.params import Params
 
-PLANNED = 0.8
-"""Share of the accelerations that a reference uses; the rest brings the base back to it."""
+PLANNED, _PLANNED_JERK = 0.85, 0.8
+"""Shares of accelerations and jerks that a reference uses; the rest brings the base back to it."""
+
+GENTLE = 0.65
+"""Share of a gap for which the base slows down; for all of it, it brakes."""
 
 _ON_CURVES = 0.95
 """Share of the largest turning speed that a curve may take: below it, the base still finds back."""
-
-_EMERGENCY = 1.5
-"""Of the hardest braking without slip, for what appears within its path."""
 
 _BRAKE_RISE = 0.04
 """Time in which the hardest braking builds up [s]."""
@@ -32,14 +33,15 @@ _HALF_WIDTH = 0.3
 
 def limits_of(params: Params, segment: Segment) -> MotionLimits:
     """Return the limits along a segment, shape (1,); on a curve the base also turns."""
+    turning = PLANNED * params.base_turn_acceleration
+    turning_jerk = _PLANNED_JERK * params.base_turn_jerk
     if isinstance(segment, Turn):
-        turning = PLANNED * params.base_turn_acceleration
-        return MotionLimits.of_one(params.base_turn_speed, turning, params.base_turn_jerk)
+        return MotionLimits.of_one(params.base_turn_speed, turning, turning_jerk)
     sharpest = max(segment.sharpest, 1e-9)
     return MotionLimits.of_one(
         min(params.base_speed, _ON_CURVES * params.base_turn_speed / sharpest),
-        PLANNED * min(params.base_acceleration, params.base_turn_acceleration / sharpest),
-        min(params.base_jerk, params.base_turn_jerk / sharpest),
+        min(PLANNED * params.base_acceleration, turning / sharpest),
+        min(_PLANNED_JERK * params.base_jerk, turning_jerk / sharpest),
     )
 
 
@@ -48,17 +50,6 @@ def braking(params: Params, *, turns: bool) -> MotionLimits:
     speed = params.base_turn_speed if turns else params.base_speed
     brake = params.base_turn_brake if turns else params.base_brake
     return MotionLimits.of_one(speed, brake, brake / _BRAKE_RISE)
-
-
-def hardest(params: Params, speed: float, gap: float, *, turns: bool) -> float:
-    """Return how hard to brake for what is near [m/s², rad/s²].
-
-    speed: [m/s, rad/s]. gap: to the nearest thing [m]. Only where the hardest stop without slip
-    would not do, it is harder.
-    """
-    brake = float(braking(params, turns=turns).acceleration[0])
-    room = max(gap - params.base_clearance, 1e-6) / (params.safe_reach if turns else 1.0)
-    return brake * (_EMERGENCY if speed**2 > 2.0 * brake * room else 1.0)
 
 
 def safe_speed(params: Params, gap: float, *, turns: bool, curvature: float = 0.0) -> float:
@@ -80,8 +71,14 @@ def safe_speed(params: Params, gap: float, *, turns: bool, curvature: float = 0.
 _HEADROOM = 1.015
 """How much faster than its reference the base may go to catch up with it."""
 
-_ALONG, _ACROSS, _HEADING = 6.0, 40.0, 4.0
+_ALONG, _ACROSS, _HEADING = 4.0, 25.0, 4.0
 """Gains of the law [1/s, 1/m², 1/s]."""
+
+_ASIDE = 0.15
+"""Largest angle at which the base goes back to its line [rad]."""
+
+_SETTLED_IN, _SPARE_JERK = 0.03, 0.4
+"""Time in which a small error of a velocity ends [s]; share of the jerk that a large one takes."""
 
 _HOLDING_SPEED, _HOLDING_TURN = 0.02, 0.05
 """Largest velocities at which a base at rest goes back to its pose [m/s, rad/s]."""
@@ -90,9 +87,9 @@ _HOLDING_SPEED, _HOLDING_TURN = 0.02, 0.05
 class TrackingError(NamedTuple):
     """How far the reference is ahead [m], to the left [m], and turned [rad]."""
 
-    along: float
-    across: float
-    angle: float
+    along: float = 0.0
+    across: float = 0.0
+    angle: float = 0.0
 
 
 def tracking_error(wanted: Reference, state: BaseState) -> TrackingError:
@@ -103,24 +100,24 @@ def tracking_error(wanted: Reference, state: BaseState) -> TrackingError:
 
 
 def tracking_command(
-    wanted: Reference, state: BaseState, params: Params, *, holds: bool
+    wanted: Reference, error: TrackingError, params: Params, *, holds: bool
 ) -> BaseCommand:
     """Return the velocities that bring a base to its reference.
 
     By Kanayama et al. (A Stable Tracking Control Method for an Autonomous Mobile Robot, 1990),
     v = v_r cos e_θ + K_x e_x, ω = ω_r + v_r K_y e_y + K_θ sin e_θ. There K_θ grows with v_r; here
     it does not, since a base that turns on the spot has to find its heading too. holds: at rest,
-    it corrects slowly. A large error is corrected no faster than the base can brake again.
+    it corrects slowly. A large error is corrected no faster than the base can brake again. error:
+    of what has been measured, from where the reference was then.
     """
-    error = tracking_error(wanted, state)
     spare, spare_turning = (
         (1.0 - PLANNED) * most for most in (params.base_acceleration, params.base_turn_acceleration)
     )
     along = _braked(_ALONG * error.along, error.along, spare)
-    angle = math.sin(error.angle)
     vx = wanted.vx * math.cos(error.angle) + along
-    across = wanted.vx * _ACROSS * error.across
-    wz = wanted.wz + across + _braked(_HEADING * angle, angle, spare_turning)
+    aside = wanted.vx * _ACROSS / _HEADING * error.across
+    angle = math.sin(error.angle) + min(max(aside, -_ASIDE), _ASIDE)
+    wz = wanted.wz + _braked(_HEADING * angle, angle, spare_turning)
     most = _HOLDING_SPEED if holds else _HEADROOM * params.base_speed
     most_turning = _HOLDING_TURN if holds else _HEADROOM * params.base_turn_speed
     return BaseCommand(vx=min(max(vx, -most), most), wz=min(max(wz, -most_turning), most_turning))
@@ -131,30 +128,58 @@ def _braked(correction: float, error: float, brake: float) -> float:
     return math.copysign(min(abs(correction), math.sqrt(2.0 * brake * abs(error))), correction)
 
 
-def within_limits(
-    command: BaseCommand, before: BaseCommand, step: BaseCommand, params: Params, dt: float
-) -> BaseCommand:
-    """Return a command that leaves the one before no faster than the base may accelerate.
+@dataclass
+class LimitedSpeed:
+    """The velocity of a command, driving or turning, within limits of acceleration and jerk.
 
-    So the base goes gently after what it has lost, and what a map corrects at once. step: by how
-    much the reference itself changes: where that brakes harder, so does the base. dt: between the
-    two [s].
+    normal: both limits; braking: those of the brake. push: acceleration in the latest step.
     """
 
-    def limited(now: float, last: float, own: float, acceleration: float) -> float:
-        most = max(acceleration * dt, abs(own))
-        return min(max(now, last - most), last + most)
+    normal: tuple[float, float]
+    braking: tuple[float, float]
+    value: float = 0.0
+    push: float = 0.0
+    brakes: bool = False
 
-    return BaseCommand(
-        vx=limited(command.vx, before.vx, step.vx, params.base_acceleration),
-        wz=limited(command.wz, before.wz, step.wz, params.base_turn_acceleration),
+    def stop(self) -> None:
+        """Be 0 at once: the wheels are locked."""
+        self.value, self.push, self.brakes = 0.0, 0.0, False
+
+    def follow(self, wanted: float, own: float, dt: float, *, brakes: bool) -> float:
+        """Return the velocity after a step of dt [s], on its way to a wanted one.
+
+        own: acceleration of what it follows. The limits of the brake hold until that is reached.
+        """
+        if not brakes:
+            brakes = self.brakes and abs(self.push - own) > self.normal[1] * dt
+        self.brakes = brakes
+        most, jerk = self.braking if brakes else self.normal
+        push, missing = own, wanted - own * dt - self.value
+        if not brakes:
+            fastest = math.sqrt(2.0 * _SPARE_JERK * jerk * abs(missing))
+            push += math.copysign(min(abs(missing) / _SETTLED_IN, fastest), missing)
+        push = min(max(push, self.push - jerk * dt), self.push + jerk * dt)
+        self.push = min(max(push, -most), most)
+        self.value += self.push * dt
+        return self.value
+
+
+def limited_speeds(params: Params) -> tuple[LimitedSpeed, LimitedSpeed]:
+    """Return those of driving and of turning, at rest."""
+    brake, turn_brake = params.base_brake, params.base_turn_brake
+    return (
+        LimitedSpeed((params.base_acceleration, params.base_jerk), (brake, brake / _BRAKE_RISE)),
+        LimitedSpeed(
+            (params.base_turn_acceleration, params.base_turn_jerk),
+            (turn_brake, turn_brake / _BRAKE_RISE),
+        ),
     )
 
 
-def slow_wheels(state: BaseState, sent: BaseCommand, track: float) -> str:
-    """Return a sentence naming the wheels that roll at less than half of their command.
+def slow_wheels(state: BaseState, sent: BaseCommand, track: float, *, least: float = 0.02) -> str:
+    """Return a sentence naming the wheels that roll at less than half of their command, if any.
 
-    track: between the wheels [m].
+    track: between the wheels [m]. least: slowest command that counts [m/s].
     """
     rows = [
         (side, state.vx + sign * track / 2 * state.wz, sent.vx + sign * track / 2 * sent.wz)
@@ -164,6 +189,6 @@ def slow_wheels(state: BaseState, sent: BaseCommand, track: float) -> str:
         # Adding 0 makes of -0 a 0.
         f"the {side} wheel rolls at {round(now, 2) + 0.0:.2f} m/s instead of {wanted:.2f} m/s"
         for side, now, wanted in rows
-        if abs(wanted) > 0.02 and now / wanted < 0.5
+        if abs(wanted) > least and now / wanted < 0.5
     ]
-    return f"{' and '.join(slow)}: is it jammed?" if slow else "is a wheel jammed?"
+    return f"{' and '.join(slow)}: is it jammed?" if slow else ""

@@ -47,7 +47,10 @@ class ConcurrentMotion:
         """Plan once the route is known, and move once that is safe; t: time [s]."""
         self.navigator.is_accompanied = True
         if self.phase == "waits for a route" and self.navigator.has_route:
-            self._ask(now, t)
+            if self.arrives and self.navigator.is_detour:
+                self.phase = "postponed"
+            else:
+                self._ask(now, t)
         elif self.phase == "asked" and self.arm.is_ready:
             if not self.arrives or (self.navigator.drives and self.base.remaining <= _ARRIVES):
                 self._move()

@@ -26,12 +26,14 @@ _GRAVITY = 9.81
 _RESOLUTION = 0.01
 """[kg]"""
 
-
 _STILL, _STILL_FOR = 2e-4, 0.1
 """Largest change of the width of fingers that stand still [m], and the time that counts [s]."""
 
 _PATIENCE = 0.5
 """Time that the fingers may stand still short of the goal [s]."""
+
+_IS_JAMMED = ": is one finger jammed?"
+"""They are coupled: where one is jammed, the other does not move either."""
 
 _RAISE_BY = 1.25
 """Factor on the force when what is held slips."""
@@ -114,11 +116,9 @@ class Gripper:
 
         Raises Refused for a width or force out of range.
         """
-        state = self._now()
-        if not 0.0 <= goal.width <= self._params.gripper_widest:
-            text = (
-                f"width {goal.width:g} m is out of reach (0 to {self._params.gripper_widest:g} m)"
-            )
+        state, widest = self._now(), self._params.gripper_widest
+        if not 0.0 <= goal.width <= widest:
+            text = f"width {goal.width:g} m is out of reach (0 to {widest:g} m)"
             raise Refused(Cause.INVALID, text)
         if not (math.isfinite(goal.force) and goal.force > 0.0):
             raise Refused(Cause.INVALID, f"force {goal.force:g} N would not move the fingers")
@@ -182,13 +182,14 @@ class Gripper:
         return outcome
 
     def _judge(self, goal: GripperCommand, state: GripperState, still: float) -> Outcome | None:
-        is_still = still >= _STILL_FOR - 1e-9
-        if is_still and state.holding:
+        is_still, tolerance = still >= _STILL_FOR - 1e-9, self._params.gripper_tolerance
+        opens = goal.width > self._began_at + tolerance
+        if is_still and state.holding and not opens:
             self._holds_width = state.width
             text = f"held: {_mm(state.width)} wide, {state.force:.1f} N"
             return Outcome(state="succeeded", text=text)
-        opens = goal.width > self._began_at and not state.holding
-        if (is_still or opens) and abs(state.width - goal.width) <= self._params.gripper_tolerance:
+        is_free = not state.holding and goal.width > self._began_at
+        if (is_still or is_free) and abs(state.width - goal.width) <= tolerance:
             return Outcome(state="succeeded", text=f"{_mm(state.width)} wide, holds nothing")
         if still < _PATIENCE:
             return None
@@ -196,7 +197,8 @@ class Gripper:
         did = "have not moved" if moved <= _STILL else f"stopped after {_mm(moved)}"
         text = (
             f"the fingers {did}: {_mm(state.width)} wide instead of {_mm(goal.width)}, "
-            f"{state.force:.1f} N of {goal.force:.1f} N, nothing between them"
+            f"{state.force:.1f} N of {goal.force:.1f} N, "
+            f"{'something' if state.holding else 'nothing'} between them{_IS_JAMMED}"
         )
         return Outcome(state="failed", cause=Cause.STUCK, text=text)
 
@@ -211,14 +213,13 @@ class Gripper:
         if state.holding:
             self._loose_since = None
             return ""
-        if self._loose_since is None:
-            self._loose_since = t
+        self._loose_since = t if self._loose_since is None else self._loose_since
         if t - self._loose_since < _STILL_FOR - 1e-9:
             return ""
         held, self._holds_width, self._loose_since = self._holds_width, None, None
         return (
             f"what was held at {_mm(held)} is lost: the pads are {_mm(state.width)} apart and "
-            f"press with {state.force:.1f} N"
+            f"press with {state.force:.1f} N{_IS_JAMMED if state.width > held - _STILL else ''}"
         )
 
     def _now(self) -> GripperState:

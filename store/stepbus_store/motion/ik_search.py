@@ -37,7 +37,6 @@ _CLOSEST = _Pace(20, 0.5)
 _STANDSTILL = 1e-6
 """Smallest step of an iteration that still leads anywhere [rad]."""
 
-
 _DAMPING = 1e-2
 """λ of the least squares [-]."""
 

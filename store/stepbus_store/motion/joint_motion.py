@@ -89,6 +89,12 @@ class JointMotion:
         still = np.zeros_like(position)
         return cls(position=position, velocity=still, acceleration=still)
 
+    @classmethod
+    def of_one(cls, position: float, velocity: float, acceleration: float) -> JointMotion:
+        """Return the motion of a single coordinate, shape (1,)."""
+        rows = (np.array([value]) for value in (position, velocity, acceleration))
+        return cls(**dict(zip(("position", "velocity", "acceleration"), rows, strict=True)))
+
     def command(self) -> JointCommand:
         """Return the command for position motors with feed-forward velocity."""
         position, velocity = self.position.tolist(), self.velocity.tolist()

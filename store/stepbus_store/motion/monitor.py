@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
-from stepbus_schemas import Contacts
+from stepbus_schemas import Contacts, Point
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.sensed import MORE_FORCE, Approach, Collision, Watch
 
@@ -28,6 +28,9 @@ if it is measured somewhat too near [m]."""
 _GROUND_WITHIN = 5e-3
 """What the wheels are closer to at the start is what they stand on [m]."""
 
+_ROLLS, _BEHIND = 0.05, 0.2
+"""Speed from which a base drives away from what is behind it [m/s], and how far behind: cosine."""
+
 _REACTION = 0.05
 """Until the arm begins to slow down [s]."""
 
@@ -42,12 +45,13 @@ _WARY = 0.25
 
 
 class _Row(NamedTuple):
-    """One pair of links, the robot's own (or what it holds) first."""
+    """One pair of links, the robot's own (or what it holds) first; at: where, in the world [m]."""
 
     ours: str
     other: str
     force: float
     distance: float
+    at: Point
 
 
 _APART = 5e-3
@@ -146,6 +150,8 @@ class CollisionMonitor:
         self._links, self._base_links, self._ignore = links, base_links, ignore
         self.range = params.contact_range
         """Range of the contact sensors [m]."""
+        self.slow_within = params.slow_within
+        """Distance from which on the arm slows down [m]."""
         self._ground: set[str] = set()
         self._grasp = Grasp(params, links)
         self._ours = links
@@ -157,6 +163,8 @@ class CollisionMonitor:
         self._last: list[_Row] = []
         self._closing: list[_Row] = []
         self._gaps: dict[tuple[str, str], float] = {}
+        self._feet: dict[tuple[str, str], Point] = {}
+        self._middle = self._velocity = (0.0, 0.0)
         self.wary: frozenset[str] = frozenset()
         """Links that have stopped the arm before."""
 
@@ -193,6 +201,7 @@ class CollisionMonitor:
         fastest point that the base moves [m/s].
         """
         self._learn_ground(contacts)
+        self._follow_base(contacts, dt)
         held = self.held
         self._grasp.update(contacts, holding=holding, grips=self._grips)
         if self.held != held:
@@ -224,7 +233,7 @@ class CollisionMonitor:
         rooms = [
             row.distance / share
             for row, share in zip(closing, closer, strict=True)
-            if not self.is_ours(row.other)
+            if not self.is_ours(row.other) and not self._leaves(row)
         ]
         return Watch(
             collision=self._hardest([*watched, *self._pressed()]),
@@ -273,6 +282,7 @@ class CollisionMonitor:
             for row in self._closing
             if row.distance < self._params.base_halt
             and not self.is_ours(row.other)
+            and not self._leaves(row)
             and row.distance < self._gaps.get((row.ours, row.other), 0.0) - _CLOSER
             and (besides is None or row.other != besides[1])
         ]
@@ -316,7 +326,8 @@ class CollisionMonitor:
         """Return by which share of the way that two links have moved they came closer [m]."""
         before = self._gaps.get((row.ours, row.other))
         if before is None:
-            return 1.0
+            # What has come from beyond the range may pass by.
+            return _SIDEWAYS if row.distance >= self.range - _SUDDEN else 1.0
         share = (before - row.distance) / max(moved, _STANDING)
         return min(max(share, _SIDEWAYS), 1.0)
 
@@ -334,16 +345,53 @@ class CollisionMonitor:
 
     def _rows(self, contacts: Contacts) -> Iterator[_Row]:
         """Yield the pairs of the robot, or of what it holds, with anything else."""
-        rows, ours = zip(contacts.pairs, contacts.peaks, contacts.distance, strict=True), self._ours
-        for (one, other), force, distance in rows:
+        columns = contacts.pairs, contacts.peaks, contacts.distance, contacts.position
+        ours = self._ours
+        for (one, other), force, distance, at in zip(*columns, strict=True):
             if one in ours:
-                yield _Row(one, other, force, distance)
+                yield _Row(one, other, force, distance, at)
             elif other in ours:
-                yield _Row(other, one, force, distance)
+                yield _Row(other, one, force, distance, at)
 
     def is_ours(self, link: str) -> bool:
         """Return whether a link is the robot's, or held by it."""
         return link in self._ours
+
+    def _follow_base(self, contacts: Contacts, dt: float) -> None:
+        """Record where the base is, and its velocity, by the points on which its wheels stand."""
+        before, self._feet = (
+            self._feet,
+            {
+                pair: at
+                for pair, at, gap in zip(
+                    contacts.pairs, contacts.position, contacts.distance, strict=True
+                )
+                if gap < _GROUND_WITHIN
+                and self._ignore.intersection(pair)
+                and self._ground.intersection(pair)
+            },
+        )
+        feet = [(at, before[pair]) for pair, at in self._feet.items() if pair in before]
+        count = max(len(feet), 1)
+        x, y = (sum(at[n] for at, _ in feet) / count for n in (0, 1))
+        vx, vy = (sum(at[n] - was[n] for at, was in feet) / count / dt for n in (0, 1))
+        self._middle, self._velocity = (x, y), (vx, vy)
+
+    def _leaves(self, row: _Row) -> bool:
+        """Return whether the base drives away from something: to brake for it would not help."""
+        (x, y), (vx, vy) = self._middle, self._velocity
+        dx, dy = row.at[0] - x, row.at[1] - y
+        speed = math.hypot(vx, vy)
+        closer = dx * vx + dy * vy
+        return (
+            self.is_base(row.ours)
+            and speed > _ROLLS
+            and closer < -_BEHIND * speed * math.hypot(dx, dy)
+        )
+
+    def is_base(self, link: str) -> bool:
+        """Return whether only the base moves a link."""
+        return link in self._base_links
 
     def _is_allowed(self, row: _Row) -> bool:
         if row.ours not in self._special and row.other not in self._special:

@@ -1,7 +1,9 @@
 """Drives a base along a path: where it should be, how far it is off, and how fast it may go."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 from msgspec.structs import replace
 
@@ -11,11 +13,15 @@ from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.outcome import Outcome, Refused
 from stepbus_store.motion.route import base_route, first_part
 
-_A_MOMENT = 0.6
+_A_MOMENT = 0.3
 """How long the base waits for what is in its way, until it asks for a way around that [s]."""
 
 _PATIENCE = 20.0
 """How long it waits where there is no way around [s]."""
+
+_LONGER = (1.05, 0.05)
+"""A route leads around something where it is longer than that share of the straight line, and by
+that more [m]."""
 
 REPLANS = 3
 """How often a goal may get another route of the base, or path of the arm."""
@@ -25,6 +31,7 @@ REPLANS = 3
 class _Trip:
     """A goal that needs a route; asked_at: when the newest request was made, None: not yet [s].
 
+    start: where the base stood then.
     hindered_at: since when something is in the way that may go away, None: nothing is [s].
     not_before: when the next request may be made [s].
     """
@@ -33,6 +40,7 @@ class _Trip:
     held: str
     number: int = -1
     asked_at: float | None = None
+    start: Point | None = None
     drives: bool = False
     replans: int = 0
     route: list[Point] | None = None
@@ -67,6 +75,19 @@ class Navigator:
         self.hindrance = ""
         """What has come into the way of the base; empty: nothing."""
         self._occupied = ""
+        self.may_detour = True
+        """Whether no arm is in the way of a detour."""
+
+    @property
+    def is_detour(self) -> bool:
+        """Return whether the route leads around something."""
+        trip = self._trip
+        if trip is None or trip.route is None or trip.start is None:
+            return False
+        places = [trip.start, *trip.route]
+        length = sum(math.dist(a[:2], b[:2]) for a, b in pairwise(places))
+        share, more = _LONGER
+        return length > share * math.dist(places[0][:2], places[-1][:2]) + more
 
     @property
     def has_route(self) -> bool:
@@ -151,7 +172,11 @@ class Navigator:
             self._verdict = Outcome(state="failed", cause=Cause.NO_PATH, text=plan.text)
             return
         trip.route = plan.route
-        if not self.waits:
+        is_beside = trip.goal.type == "go_together" and not self.waits
+        if is_beside and self.is_detour and not self.may_detour:
+            text = f"the way leads around something, but the arm is out: {plan.text}"
+            self._verdict = Outcome(state="failed", cause=Cause.BLOCKED, text=text)
+        elif not self.waits:
             self._drive(trip, plan.route)
 
     def _drive(self, trip: _Trip, route: list[Point]) -> None:
@@ -184,7 +209,6 @@ class Navigator:
             return ""
         trip.drives, trip.asked_at, trip.route = False, None, None
         trip.hindered_at = t if trip.hindered_at is None else trip.hindered_at
-        trip.not_before = t + _A_MOMENT
         self._base.stop()
         return f"{why}; stops, and goes on when there is a way"
 
@@ -239,12 +263,12 @@ class Navigator:
         now, goal = self._base.state, trip.goal
         if self._base.is_moving or goal.base is None:
             return
-        trip.number, trip.asked_at = self._next_id(), t
+        trip.number, trip.asked_at, trip.start = self._next_id(), t, (now.x, now.y, now.yaw)
         self._unsent = PlanRequest(
             id=trip.number,
             start=[],
             goal=[],
             held=trip.held,
             touches=list(goal.touches),
-            base=((now.x, now.y, now.yaw), goal.base),
+            base=(trip.start, goal.base),
         )

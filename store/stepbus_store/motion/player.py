@@ -57,7 +57,6 @@ _SAMPLE_S = 0.008
 _ON_PATH = (1.0, 0.7, 0.5, 0.35, 0.25)
 """The same on a path, whose curves and own braking need a part of the limits."""
 
-
 _GRIP_ACCELERATION = 6.0
 """Of the tip in a stop while the gripper holds something, unless the robot touches something:
 harder, it would swing out of the pads [m/s²]."""

@@ -54,8 +54,7 @@ class SettleWatch:
     def _off(self, error: Vector, q: Vector) -> str:
         worst = int(np.argmax(np.abs(error)))
         joint, off = self._robot.joints[self._moved[worst]], float(error[worst])
-        slides = self._robot.unit(joint) == "m"
-        text = f"{joint} is {f'{1e3 * off:.3f} mm' if slides else f'{math.degrees(off):.3f}°'}"
+        text = f"{joint} is {_shown(self._robot, joint, off, 3)}"
         if not self._tip:
             return f"{text} off"
         wanted, got = (
@@ -65,8 +64,16 @@ class SettleWatch:
         return f"{text} and {self._tip} {miss:.2f} mm off"
 
 
+def _shown(robot: RobotModel, joint: str, off: float, digits: int) -> str:
+    slides = robot.unit(joint) == "m"
+    return f"{1e3 * off:.{digits}f} mm" if slides else f"{math.degrees(off):.{digits}f}°"
+
+
 _FULL = 0.95
 """Share of the effort limit from which a motor gives all that it has."""
+
+_LASTING, _PATIENCE = 0.05, 1.0
+"""Share of the lag that counts, too, once it has lasted so long [s]."""
 
 
 class JamWatch:
@@ -80,6 +87,7 @@ class JamWatch:
         self._robot = robot
         self._lag, self._period = lag, period
         self._sent: Vector | None = None
+        self._late = np.zeros(len(robot.joints))
 
     def command(self, sent: JointMotion) -> None:
         """Store the command that leads to the next measurement."""
@@ -89,16 +97,17 @@ class JamWatch:
         """Return which joints do not follow, shape (n,) of bool; q: measured, shape (n,)."""
         if self._sent is None:
             return np.zeros(len(q), dtype=bool)
-        return np.abs(self._sent - q) > self._lag
+        behind = np.abs(self._sent - q)
+        self._late = np.where(behind > _LASTING * self._lag, self._late + self._period, 0.0)
+        return (behind > self._lag) | (self._late >= _PATIENCE)
 
     def text(self, q: Vector, effort: Vector | None) -> str:
         """Return a sentence on the joint that is furthest behind; effort: measured [N·m, N]."""
         behind = np.zeros_like(q) if self._sent is None else self._sent - q
         worst = int(np.argmax(np.abs(behind)))
         joint, off = self._robot.joints[worst], float(abs(behind[worst]))
-        slides = self._robot.unit(joint) == "m"
-        text = f"{f'{1e3 * off:.0f} mm' if slides else f'{math.degrees(off):.1f}°'} behind"
+        text = f"{_shown(self._robot, joint, off, 1)} behind"
         most = float(self._robot.effort_limit[worst])
         if effort is not None and abs(float(effort[worst])) > _FULL * most:
-            text += f" at its limit of {most:.0f} {'N' if slides else 'N·m'}"
+            text += f" at its limit of {most:.0f} {self._robot.effort_unit(joint)}"
         return f"{joint} is {text}: is it jammed?"

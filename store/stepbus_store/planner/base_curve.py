@@ -23,17 +23,17 @@ _HANDLES = (0.35, 0.45, 0.55)
 _TURNS = (0.0, 0.5, 1.0)
 """Shares of the turn towards the goal that the base may make on the spot before it drives."""
 
-_CUTS = (0.45, 0.3, 0.15)
-"""Distances from a corner at which a curve around it begins, the largest first [m]."""
+_WIDTHS = (0.45, 0.3, 0.15)
+"""Lengths along corners that are averaged, the largest first [m]."""
+
+_FINE = 0.01
+"""Distance of the points that are averaged [m]."""
 
 _SHARPEST = 3.0
 """Largest curvature of a curve [1/m]."""
 
 _SHARPEST_CORNER = 6.0
-"""The same where a corner is cut [1/m]."""
-
-_ROUND = 0.8
-"""Length of the tangents of a curve around a corner, as a share of its distance from that."""
+"""The same along corners [1/m]."""
 
 _STOP = 0.3
 """What each stop costs besides [s]."""
@@ -76,19 +76,18 @@ def direct_routes(start: Point, goal: Point, params: Params) -> list[SmoothRoute
 def rounded_routes(
     start: Point, goal: Point, corners: Sequence[Vector], params: Params
 ) -> Iterator[SmoothRoute]:
-    """Yield routes along corners that are cut, the largest cut first, forwards and backwards.
+    """Yield routes along corners that are smoothed, forwards and backwards.
 
     corners: from start to goal, each of shape (2,) [m].
     """
-    for cut in _CUTS:
-        points = _cut(corners, cut)
-        both = []
+    for width in _WIDTHS:
+        points = _smoothed(corners, width)
         for back in (False, True):
             flip = math.pi if back else 0.0
             first, last = (math.atan2(*(q - p)[::-1]) + flip for p, q in _ends(points))
-            both.append(_route((start, goal), points, (first, last), params, back=back))
-        smooth = [route for route in both if route.sharpest <= _SHARPEST_CORNER]
-        yield from sorted(smooth, key=lambda route: route.seconds)
+            route = _route((start, goal), points, (first, last), params, back=back)
+            if route.sharpest <= _SHARPEST_CORNER:
+                yield route
 
 
 def _ends(points: Vector) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
@@ -164,19 +163,18 @@ def _quintic(t: Vector, a: Vector, out: Vector, b: Vector, into: Vector) -> Vect
     )
 
 
-def _cut(corners: Sequence[Vector], most: float) -> Vector:
-    """Return points along corners, each of which is replaced by a curve."""
-    t = np.linspace(0.0, 1.0, 41)[:, None]
-    parts = [corners[0][None]]
-    for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
-        near = min(math.dist(corner, before), math.dist(corner, after)) / 2
-        ends = [
-            corner + min(most, near) / math.dist(other, corner) * (other - corner)
-            for other in (before, after)
-        ]
-        out, into = (_ROUND * (corner - ends[0]), _ROUND * (ends[1] - corner))
-        parts.append(_quintic(t, ends[0], out, ends[1], into))
-    return _apart(np.concatenate([*parts, corners[-1][None]]))
+def _smoothed(corners: Sequence[Vector], width: float) -> Vector:
+    """Return points along corners, each the mean of what is that near along the way [m]."""
+    count = round(width / _FINE)
+    first, last = ((b - a) / np.linalg.norm(b - a) * width for a, b in (corners[:2], corners[-2:]))
+    ends = np.array([corners[0] - first, *corners, corners[-1] + last])
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ends, axis=0), axis=1))])
+    s = np.arange(0.0, along[-1] + _FINE / 2, _FINE)
+    dense = np.stack([np.interp(s, along, ends[:, n]) for n in (0, 1)], axis=1)
+    kernel = np.convolve(np.ones(count), np.ones(count)) / count**2
+    rows = np.stack([np.convolve(dense[:, n], kernel, "valid") for n in (0, 1)], axis=1)
+    rows[[0, -1]] = corners[0], corners[-1]
+    return _apart(rows)
 
 
 def _apart(dense: Vector) -> Vector:

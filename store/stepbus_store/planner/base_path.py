@@ -2,12 +2,13 @@
 
 import heapq
 import math
-from collections.abc import Mapping, Sequence
-from itertools import product
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from msgspec.structs import replace
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Point, Poses
@@ -16,6 +17,8 @@ from stepbus_store.planner.base_curve import SmoothRoute, direct_routes, rounded
 from stepbus_store.planner.obstacles import Obstacles
 from stepbus_store.planner.outline import Outline, distances, hull, outermost
 from stepbus_store.planner.params import Params
+from stepbus_store.planner.walkers import Walkers, going, places_along
+from stepbus_store.poses import wrapped
 
 _CELL = 0.05
 """Of the grid that is searched where the straight line is blocked [m]."""
@@ -34,8 +37,18 @@ _ESCAPE_STEP = 0.02
 _ALONG = 0.01
 """Distance of the places at which a straight line is checked [m]."""
 
-_ROOM = 0.12
-"""By how much farther away the base first looks for a detour [m]."""
+_ROOM = (0.12, 0.06, 0.03, 0.0)
+"""By how much farther away than it needs the base looks for a detour [m]."""
+
+_ENOUGH = 3
+"""Routes around something after which no more are looked for."""
+
+_ASIDE = (0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
+"""How far the base drives, or drives back, to give way [m]."""
+
+_CARRIED, _HELD, _SWEEP, _HIGH = 0.45, 0.15, 0.1, 0.8
+"""How far ahead of its axis the base carries something, what room that needs [m], every how much of
+a turn [rad], beside what is higher than that [m]."""
 
 _STRAIGHT = 1e-6
 """Change of the heading between two poses up to which the base drives straight [rad]."""
@@ -63,16 +76,53 @@ class BasePlanner:
         return self._outlines(self._obstacles.placements(poses), _ends(request)[0], skipped)
 
     def plan(
-        self, request: PlanRequest, mapped: Sequence[Outline], seen: Sequence[Outline] = ()
+        self,
+        request: PlanRequest,
+        mapped: Sequence[Outline],
+        seen: Walkers | None = None,
+        *,
+        may_give_way: bool = False,
     ) -> Plan:
         """Return the poses of a route in the frame of the request, or why there is none.
 
-        seen: what is on no map. Where there would be a route without it, the cause is `occupied`.
+        seen: what is on no map. Where there would be a route without those of it that walk, or have
+        just stopped, the cause is `occupied`; may_give_way: or the route leads aside first, where
+        it is not safe to wait.
         """
-        plan = self._plan(request, [*mapped, *seen])
-        if plan.cause and seen and not self._plan(request, mapped).cause:
-            return Plan(id=plan.id, cause=Cause.OCCUPIED, text=plan.text)
-        return plan
+        seen = Walkers() if seen is None else seen
+        posts = [*mapped, *seen.standing]
+        plan = self._plan(request, [*posts, *seen.pausing])
+        if plan.cause and seen.pausing and not self._plan(request, posts).cause:
+            plan = Plan(id=plan.id, cause=Cause.OCCUPIED, text=plan.text)
+        if not seen.walking or plan.cause not in {"", Cause.OCCUPIED}:
+            return plan
+        start, _ = _ends(request)
+        wait = Plan(id=plan.id, cause=Cause.OCCUPIED, text="somebody walks where the base would go")
+        ways = [(self._safety([start], seen), wait)]
+        if plan.route:
+            ways.insert(0, (self._safety([start, *plan.route], seen), plan))
+        if may_give_way and all(safety < 0.0 for safety, _ in ways):
+            ways += self._aside(request, [*posts, *seen.pausing], seen)
+        return max(ways, key=lambda way: way[0])[1]
+
+    def _safety(self, route: Sequence[Point], seen: Walkers) -> float:
+        return seen.safety(going(places_along(route), 0.0, self._params), self._radius)
+
+    def _aside(
+        self, request: PlanRequest, outlines: Sequence[Outline], seen: Walkers
+    ) -> Iterator[tuple[float, Plan]]:
+        """Yield how safe it is to drive straight for a while, and the route from there."""
+        start, goal = _ends(request)
+        x, y, yaw = start
+        for far in _ASIDE:
+            aside = (x + far * math.cos(yaw), y + far * math.sin(yaw), yaw)
+            if not self._is_free(np.array(start[:2]), np.array(aside[:2]), outlines):
+                continue
+            plan = self._plan(replace(request, base=(aside, goal)), outlines)
+            if not plan.cause:
+                text = f"gives way {abs(far):g} m, then {plan.text}"
+                plan = replace(plan, text=text, route=[aside, *plan.route])
+                yield self._safety([start, aside], seen), plan
 
     def _plan(self, request: PlanRequest, outlines: Sequence[Outline]) -> Plan:
         start, goal = _ends(request)
@@ -86,53 +136,87 @@ class BasePlanner:
             near, gap = _nearest(outlines, a)
             text = f"{near} is {gap:.2f} m from the base, which cannot leave straight"
             return Plan(id=request.id, cause=Cause.START_IN_COLLISION, text=text)
-        leaves = bool(np.linalg.norm(out - a) > 0)
-        pose = (float(out[0]), float(out[1]), start[2])
-        if np.linalg.norm(b - out) < _SAME:
-            turn = SmoothRoute(poses=(pose, goal), seconds=0.0)
-            route: SmoothRoute | None = turn
-            shape = "turn"
-        else:
-            route, shape = self._smooth(pose, goal, outlines)
+        # What is held out needs room where the base turns; if there is none, it drives back first.
+        exits = self._exits(out, start[2], outlines) if request.held else ()
+        ways = [*((at, True) for at in exits), (out, False)]
+        for at, held in ways:
+            pose = (float(at[0]), float(at[1]), start[2])
+            route, shape = self._smooth(pose, goal, outlines, held=held)
+            if route is not None:
+                break
         if route is None:
             text = f"no path for the base within {_AROUND:g} m around start and goal"
             return Plan(id=request.id, cause=Cause.NO_PATH, text=text)
-        length = route.length + float(np.linalg.norm(out - a))
-        text = f"base: {shape}, {length:.2f} m, {len(outlines)} obstacles"
+        leaves = float(np.linalg.norm(at - a))
+        text = f"base: {shape}, {route.length + leaves:.2f} m, {len(outlines)} obstacles"
         return Plan(
             id=request.id, text=text, route=list(route.poses if leaves else route.poses[1:])
         )
 
+    def _exits(self, at: Vector, yaw: float, outlines: Sequence[Outline]) -> Iterator[Vector]:
+        """Yield the point where the base may turn, and points straight behind and before it."""
+        yield at
+        along = np.array([math.cos(yaw), math.sin(yaw)])
+        for far in _ASIDE:
+            point: Vector = at + far * along
+            if self._is_free(at, point, outlines):
+                yield point
+
     def _smooth(
-        self, start: Point, goal: Point, outlines: Sequence[Outline]
+        self, start: Point, goal: Point, outlines: Sequence[Outline], *, held: bool
     ) -> tuple[SmoothRoute | None, str]:
-        """Return a route and its description."""
+        """Return a route and its description; held: something is held out, which needs room."""
+        if math.dist(start[:2], goal[:2]) < _SAME:
+            turn = SmoothRoute(poses=(start, goal), seconds=0.0)
+            return (None if held and self._hits(turn, outlines) else turn), "turn"
         for route in direct_routes(start, goal, self._params):
-            if self._is_clear(route, outlines):
+            if self._is_clear(route, outlines, held=held):
                 return route, "direct"
         a, b = np.array(start[:2]), np.array(goal[:2])
-        corners = None
-        for extra in (_ROOM, 0.0):
+        found: list[tuple[float, SmoothRoute, str]] = []
+        corners: list[Vector] | None = None
+        for extra in _ROOM:
+            if len(found) > _ENOUGH:
+                break
             # Corners that keep some distance can be cut.
             wide = BasePlanner(self._obstacles, self._params, extra)
-            corners = wide._route(a, b, outlines)
-            if corners is None:
+            if (around := wide._route(a, b, outlines)) is None:
                 continue
-            for route in rounded_routes(start, goal, corners, self._params):
-                if self._is_clear(route, outlines):
-                    return route, _detour(corners)
-        if corners is None:
+            corners = around
+            found += [
+                (route.seconds, route, _detour(around))
+                for route in rounded_routes(start, goal, around, self._params)
+                if self._is_clear(route, outlines, held=held)
+            ]
+        if found:
+            _, route, text = min(found, key=lambda row: row[0])
+            return route, text
+        if corners is None or held:
             return None, ""
         rows = [(float(p[0]), float(p[1]), goal[2]) for p in corners[1:]]
         return SmoothRoute(poses=(start, *rows), seconds=0.0), _detour(corners)
 
-    def _is_clear(self, route: SmoothRoute, outlines: Sequence[Outline]) -> bool:
+    def _is_clear(self, route: SmoothRoute, outlines: Sequence[Outline], *, held: bool) -> bool:
         """Return whether the base may drive along a route; where it turns, its disc counts."""
         poses = np.array(route.poses)
         turns = np.abs(np.diff(poses[:, 2])) > _STRAIGHT
         turning = np.concatenate([turns[:1], turns[1:] | turns[:-1], turns[-1:]])
         needed = np.where(turning, self._radius, self._half_width)
-        return all((distances(poses[:, :2], row.corners) >= needed).all() for row in outlines)
+        is_clear = all((distances(poses[:, :2], row.corners) >= needed).all() for row in outlines)
+        return is_clear and not (held and self._hits(route, outlines))
+
+    def _hits(self, route: SmoothRoute, outlines: Sequence[Outline]) -> bool:
+        """Return whether what is held out comes too close to something high, but at the start."""
+        rows = [route.poses[0]]
+        for (_, _, before), (x, y, yaw) in pairwise(route.poses):
+            turn = wrapped(yaw - before)
+            count = max(math.ceil(abs(turn) / _SWEEP), 1)
+            rows += [(x, y, before + turn * n / count) for n in range(1, count + 1)]
+        poses = np.array(rows)
+        headings = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
+        places = poses[:, :2] + _CARRIED * headings
+        gaps = (distances(places, row.corners) for row in outlines if row.top > _HIGH)
+        return any((gap < min(_HELD, gap[0] - 1e-3)).any() for gap in gaps)
 
     def _outlines(
         self, placements: Mapping[str, Any], start: Point, skipped: set[str]
@@ -147,7 +231,8 @@ class BasePlanner:
                 rows = product(*zip(box.min_, box.max_, strict=True))
                 corners = np.array([place.act(np.array(row)) for row in rows])
                 if corners[:, 2].max() > _FLOOR and corners[:, 2].min() < _TOP:
-                    outlines.append(Outline(link=name, corners=hull(corners[:, :2])))
+                    top = float(corners[:, 2].max())
+                    outlines.append(Outline(link=name, corners=hull(corners[:, :2]), top=top))
         return outermost(outlines)
 
     def _escape(self, start: Point, outlines: Sequence[Outline]) -> Vector | None:

@@ -13,6 +13,7 @@ import pinocchio as pin
 from stepbus_kinematics import RobotModel, Vector, collision_geometry, radius_from
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Poses, WiringError, parse_shapes
+from stepbus_store.planner.outline import Outline
 from stepbus_store.poses import check_poses
 
 
@@ -89,6 +90,15 @@ class Link:
     shapes: tuple[Solid, ...]
 
 
+def column(outline: Outline, height: float) -> Link:
+    """Return an upright box on the floor around an outline, in the frame of that."""
+    low, high = outline.corners.min(axis=0), outline.corners.max(axis=0)
+    shape = coal.Box(*(high - low).tolist(), height)
+    shape.computeLocalAABB()
+    place = pin.SE3(np.eye(3), np.array([*(low + high) / 2, height / 2]))
+    return Link(name=outline.link, index=-1, shapes=(Solid(geometry=shape, placement=place),))
+
+
 _MOVED = 2e-3
 """Displacement between two messages from which something moves [m]."""
 
@@ -163,6 +173,11 @@ class Obstacles:
     def placement(self, poses: Poses, index: int) -> Any:
         """Return the pose of one link in `frame`, as `pinocchio.SE3`."""
         return _pose(poses, self._frame).inverse() * _pose(poses, index)
+
+    def reach(self, poses: Poses, name: str) -> float:
+        """Return how far a link of the robot is from the axis of `frame` [m]; 0: it has no pose."""
+        index = self.index_of(name)
+        return 0.0 if index is None else math.hypot(*self.placement(poses, index).translation[:2])
 
     def moving(self, before: Poses, now: Poses) -> frozenset[str]:
         """Return the links that have moved from one message to the next."""

@@ -1,5 +1,6 @@
 """Convex outlines on the floor."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,10 +12,23 @@ from stepbus_kinematics import Vector
 
 @dataclass(frozen=True, kw_only=True)
 class Outline:
-    """A convex outline on the floor; corners: shape (k, 2), counter-clockwise [m]."""
+    """A convex outline on the floor; corners: shape (k, 2), counter-clockwise [m].
+
+    top: height that it reaches up to [m]. face: least and largest x and y of what was seen of it,
+    shape (2, 2) [m]; None: of the corners.
+    """
 
     link: str
     corners: Vector
+    top: float = math.inf
+    face: Vector | None = None
+
+    @property
+    def sides(self) -> Vector:
+        """Return least and largest x and y of what was seen of it, shape (2, 2) [m]."""
+        if self.face is not None:
+            return self.face
+        return np.stack([self.corners.min(axis=0), self.corners.max(axis=0)])
 
     @cached_property
     def _box(self) -> tuple[float, float, float, float]:

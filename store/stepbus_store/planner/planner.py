@@ -2,7 +2,7 @@
 
 import math
 import threading
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -27,16 +27,21 @@ from stepbus_store.memory import Remembering
 from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.lidar_view import LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
+from stepbus_store.planner.outline import Outline
 from stepbus_store.planner.params import Params
 from stepbus_store.planner.path_monitor import PathMonitor
 from stepbus_store.planner.planning import PathPlanner, is_check, map_in_world
 from stepbus_store.planner.scene import Margins
 from stepbus_store.planner.timing import Limits
+from stepbus_store.planner.walkers import Walkers
 
 _EFFORT_SHARE = 0.8
 """Of the URDF's effort limits; the rest is for following the plan."""
 
 _LONGEST_SAMPLE_NS = 20_000_000
+
+_TUCKED = 0.5
+"""How far the tip of an arm may be from the axis of a base that gives way [m]."""
 
 
 Level = Literal["info", "warning"]
@@ -109,6 +114,8 @@ class Planner(Remembering):
         self._map: Any = None
         self._route: RouteMonitor | None = None
         self._next_route: RouteMonitor | None = None
+        self._mapped: Sequence[Outline] | None = None
+        self._seen = Walkers()
         self._last_poses: Poses | None = None
         self._moving: frozenset[str] = frozenset()
 
@@ -200,12 +207,23 @@ class Planner(Remembering):
         answer: Future[Plan | None]
         if request.base is not None and poses is not None:
             self._map = map_in_world(self._obstacles, request.base[0], poses)
+            mapped = self._base_planner.mapped(request, poses)
+            # What moves may be gone a moment later.
+            self._mapped = [thing for thing in mapped if thing.link not in self._moving]
+            if self._scan_ports:
+                self._seen.look(self._view.things(self._mapped), step.t)
+            else:
+                self._seen.pausing = [thing for thing in mapped if thing.link in self._moving]
+            reach = self._obstacles.reach(poses, self._params.tip)
             # The worker sees what is seen now, however long it takes.
-            view, moving = self._view.snapshot(), self._moving
-            answer = self._worker.submit(self._plan_route, request, poses, view, moving)
-        else:
             answer = self._worker.submit(
-                self.planner.plan, request, poses, cancelled.is_set, self._map
+                self._plan_route, request, self._mapped, self._seen.snapshot(), reach
+            )
+        else:
+            now = self._odometry(step)
+            seen = None if now is None else ((now.x, now.y, now.yaw), self._seen.all())
+            answer = self._worker.submit(
+                self.planner.plan, request, poses, cancelled.is_set, self._map, seen=seen
             )
         self._pending = _Pending(
             due=step.index + (self._check_latency if is_quick else self._latency),
@@ -216,35 +234,37 @@ class Planner(Remembering):
         )
 
     def _plan_route(
-        self, request: PlanRequest, poses: Poses, view: LidarView, moving: Set[str]
+        self, request: PlanRequest, mapped: Sequence[Outline], seen: Walkers, reach: float
     ) -> Plan:
         """Plan around what the map has, and what the lidars see; watch that from then on.
 
-        moving: what of the map moves. It may be gone a moment later, as what is only seen.
+        reach: of the arm from the axis of the base [m].
         """
-        mapped = self._base_planner.mapped(request, poses)
-        seen = view.things(mapped)
-        still = [thing for thing in mapped if thing.link not in moving]
-        passing = [thing for thing in mapped if thing.link in moving]
-        plan = self._base_planner.plan(request, still, [*seen, *passing])
+        plan = self._base_planner.plan(request, mapped, seen, may_give_way=reach < _TUCKED)
         self._next_route = None
         if self._scan_ports and plan.route and request.base is not None:
-            route = [request.base[0], *plan.route]
-            width = self._params.base_half_width
-            self._next_route = RouteMonitor(request.id, route, mapped, seen, width)
+            route, known = [request.base[0], *plan.route], [*seen.standing, *seen.pausing]
+            self._next_route = RouteMonitor(request.id, route, known, self._params)
         return plan
+
+    def _odometry(self, step: Step) -> BaseState | None:
+        return step.get(self._odometry_port, BaseState) if self._odometry_port else None
 
     def _look(self, step: Step) -> None:
         """Take what the lidars see."""
-        base = step.get(self._odometry_port, BaseState) if self._odometry_port else None
-        for port in self._scan_ports:
-            if base is not None and step.is_new(port):
-                self._view.take(port, step.read(port, LaserScan), base)
+        base = self._odometry(step)
+        ports = [port for port in self._scan_ports if step.is_new(port)]
+        if base is None or not ports:
+            return
+        for port in ports:
+            self._view.take(port, step.read(port, LaserScan), base)
+        if self._mapped is not None:
+            self._seen.look(self._view.things(self._mapped), step.t)
 
     def _check_route(self, messages: dict[str, Message], route: RouteMonitor, step: Step) -> None:
         """Report something that comes into the way of the base."""
         base = step.read(self._odometry_port or "", BaseState)
-        text = route.check(self._view.things(route.mapped), base, step.t)
+        text = route.check(self._seen, base)
         if text:
             self._route = None
             self._publish(messages, Plan(id=route.request_id, cause=Cause.BLOCKED, text=text))

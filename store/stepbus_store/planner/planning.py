@@ -1,7 +1,7 @@
 """From a request to a plan."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,8 @@ from stepbus_kinematics import Vector
 from stepbus_participant import suggest
 from stepbus_schemas import Plan, PlanRequest, Point, Poses
 from stepbus_store.cause import Cause
-from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
+from stepbus_store.planner.obstacles import Link, Obstacles, PlannedRobot, column
+from stepbus_store.planner.outline import Outline
 from stepbus_store.planner.path_search import RESOLUTION, Search, find_paths
 from stepbus_store.planner.scene import Checker, Margins, Scene, Surroundings
 from stepbus_store.planner.timing import Limits, Trajectory, dense, parametrize
@@ -31,6 +32,12 @@ _LAST_SHARE = 0.5
 
 _LAST_RESOLUTION = 0.5
 """Resolution of the trajectory's check, as a share of the search's."""
+
+_HEIGHT = 1.3
+"""Of what lidars see, which do not see how high it is [m]."""
+
+Seen = tuple[Point, Sequence[Outline]]
+"""Pose of the base, x, y, yaw [m, rad], and what lidars see, both in the frame of odometry."""
 
 BESIDE_RESOLUTION = 3.0
 """The same, at poses of the base other than that of the plan."""
@@ -103,14 +110,16 @@ class PathPlanner:
         poses: Poses | None,
         cancelled: Callable[[], bool],
         map_in_world: Any = None,
+        *,
+        seen: Seen | None = None,
     ) -> Plan | None:
         """Return the answer to a request; None: it was cancelled meanwhile.
 
         poses: of the world at the time of the request. cancelled: whether the request is obsolete.
-        map_in_world: pose of the frame of the request's `bases`; None: unknown.
+        map_in_world: pose of the frame of the request's `bases`; None: unknown. seen: by lidars.
         """
         try:
-            return _Planning(self, request, poses, cancelled, map_in_world).answer()
+            return _Planning(self, request, poses, cancelled, map_in_world, seen=seen).answer()
         except NoPlan as exc:
             return Plan(id=request.id, cause=exc.cause, text=str(exc))
         except Cancelled:
@@ -127,6 +136,8 @@ class _Planning:
         poses: Poses | None,
         cancelled: Callable[[], bool],
         map_in_world: Any,
+        *,
+        seen: Seen | None,
     ) -> None:
         self._planner, self._robot, self._obstacles = planner, planner.robot, planner.obstacles
         self._request = request
@@ -134,7 +145,7 @@ class _Planning:
         self._start = self._joints("start", request.start)
         self._goal = self._joints("goal", request.goal)
         self._path = [self._joints(f"path point {k}", q) for k, q in enumerate(request.path)]
-        scenes = self._make_scenes(poses, map_in_world)
+        scenes = self._make_scenes(poses, map_in_world, seen)
         self._scene = scenes.pop()
         self._beside = [scene.checker_of(scene.others) for scene in scenes]
 
@@ -154,7 +165,9 @@ class _Planning:
                 raise NoPlan(Cause.BAD_REQUEST, f"{field}: {name} at {text}")
         return np.clip(q, robot.lower, robot.upper)
 
-    def _make_scenes(self, poses: Poses | None, map_in_world: Any) -> list[Scene]:
+    def _make_scenes(
+        self, poses: Poses | None, map_in_world: Any, seen: Seen | None
+    ) -> list[Scene]:
         """Return the scene of each pose of the base; the last one is that of the plan."""
         request, links = self._request, self._obstacles.links
         if poses is None:
@@ -167,14 +180,18 @@ class _Planning:
             raise NoPlan(Cause.BAD_REQUEST, "bases need a request of the base before them")
         here = self._obstacles.placements(poses)
         fingers = fingers_at(self._robot, self._obstacles, poses, self._planner.tip)
+        columns = self._columns(*seen) if seen is not None else {}
+        bases = request.bases or ([] if seen is None else [seen[0]])
         frames = [map_in_world * on_floor(base) for base in request.bases] or [None]
         scenes = []
-        for frame in frames:
+        for number, frame in enumerate(frames):
             placements = self._obstacles.placements(poses, frame)
+            for name in columns:
+                placements[name] = on_floor(bases[number]).inverse()
             if request.held:
                 placements[request.held] = here[request.held]
             around = Surroundings(
-                links=links,
+                links={**links, **columns},
                 placements=placements,
                 held=request.held,
                 touches=frozenset(request.touches),
@@ -183,6 +200,20 @@ class _Planning:
             )
             scenes.append(Scene(self._robot, around, self._start, self._planner.margins))
         return scenes
+
+    def _columns(self, base: Point, seen: Sequence[Outline]) -> dict[str, Link]:
+        """Return upright columns of what lidars see, in the frame of odometry.
+
+        What the robot is in is seen of itself, or was never there.
+        """
+        columns, here = {}, on_floor(base).inverse()
+        for number, outline in enumerate(seen):
+            link = column(outline, _HEIGHT)
+            around = Surroundings(links={link.name: link}, placements={link.name: here})
+            scene = Scene(self._robot, around, self._start, self._planner.margins)
+            if scene.touch(self._start) is None:
+                columns[f"{link.name} ({number + 1})"] = link
+        return columns
 
     def answer(self) -> Plan:
         """Return the plan; raises NoPlan if there is none."""

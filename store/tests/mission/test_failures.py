@@ -171,6 +171,14 @@ def test_the_arm_goes_back_to_rest_only_while_nobody_is_missing(cause, recovers)
     assert ("back_to_rest" in [goal.type for goal in result.goals]) is recovers
 
 
+@pytest.mark.parametrize("opens", [False, True])
+def test_fingers_that_do_not_move_are_not_tried_again(opens):
+    where = ("release", 1) if opens else ("close", 1)
+    store = FakeStore(shelf_a(*GOODS), fails={where: "stuck"}, slips=1)
+    assert f"{'releasing it' if opens else 'closing the gripper'}: stuck" in failed(store)
+    assert [goal.type for goal in store.goals][-2:] == ["grip", "stop"]
+
+
 STOPPABLE = [
     ("drive", 1), ("inspect", 1), ("down", 1), ("close", 1), ("lift", 1), ("home", 1),
     ("place", 1), ("up", 1), ("park", 1), ("depart", 1), ("fold", 1), ("reach", 1), ("return", 1),
@@ -222,7 +230,9 @@ def test_a_base_that_rolls_on_in_an_emergency_stop_is_named():
 
 @pytest.mark.parametrize("where", ["drive", "down", "home", "place"])
 def test_a_robot_that_is_overturned_stops_and_says_so(where):
-    store = FakeStore(shelf_a(*GOODS), overturns=((where, 1),))
+    store = FakeStore(shelf_a(*GOODS), overturns=((where, 1),), feels=True)
     text = failed(store)
+    assert re.search(r"92°; at \d+\.\d\d s, chassis touches crate_box with 812\.4 N; ", text)
+    assert "floor" not in text
     assert text.count("the robot is tilted by 92°") == 2
     assert [goal.type for goal in store.goals][-1] == "stop"

@@ -58,6 +58,15 @@ def test_every_passage_of_the_table_is_walked():
     found |= walked(together | {"waits": {"lost": 0.3}}, drops=(("bring", 1),))
     found |= walked({"recover": True}, fails={("drive", 1): "jammed"})
     found |= walked({"recover": True}, fails={("drive", 1): "jammed", ("recover", 1): "no_path"})
+    for state in ("drive", "home", *_TOGETHER):
+        kept = params | {"together": state in _TOGETHER}
+        blocked = {(state, 1): "blocked"}
+        found |= walked(kept, fails=blocked)
+        for drawn_in in ("fold_again", "withdraw"):
+            found |= walked(kept, fails=blocked | {(drawn_in, 1): "invalid"})
+    found |= walked(params, fails={("home", 1): "blocked"}, drops=(("withdraw", 1),))
+    for state in ("depart", "return"):
+        found |= walked(together, fails_late={(state, 1): "blocked"})
     parked = {("park", 1): "no_path"}
     found |= walked(fails=parked) | walked({"recover": True}, fails=parked)
     found |= walked(fails=parked, silent=(("halt", 1),))

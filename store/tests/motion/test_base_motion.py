@@ -127,6 +127,19 @@ def test_a_jammed_wheel_is_named_with_numbers():
     assert base.motion.command().vx == 0.0
 
 
+@pytest.mark.parametrize("wheel", [0, 1])
+@pytest.mark.parametrize("before", [0.25, 0.3, 0.5])
+def test_a_wheel_that_jams_shortly_before_the_goal_is_named(before, wheel):
+    base = DiffDrive()
+    base.go(type="drive", by=0.8)
+    end, base = base.t, DiffDrive()
+    base.jam = (wheel, end - before)
+    outcome = base.go(type="drive", by=0.8)
+    assert (outcome.state, outcome.cause) == ("failed", "jammed")
+    assert f"{('left', 'right')[wheel]} wheel rolls at 0.00 m/s instead" in outcome.text
+    assert outcome.text.count("wheel") == 1
+
+
 def test_the_base_stops_before_what_it_drives_towards():
     base = DiffDrive()
     base.motion.start(Goal(id=0, type="drive", by=2.0), base.state())
@@ -155,10 +168,9 @@ def test_near_things_speed_grows_no_faster_than_the_acceleration_limit():
     base.motion.start(Goal(id=0, type="drive", by=2.5), base.state())
     base.wait(seconds=1.6, gap=lambda base: 0.0)
     assert base.speeds[-1] == pytest.approx(0.03, rel=0.1)
-    # The limit of the profile and that of the slow motion may add up, each 0.4 m/s².
     base.speeds = base.speeds[-1:]
     assert base.wait().state == "succeeded"
-    assert max((b - a) / DT for a, b in zip(base.speeds, base.speeds[1:], strict=False)) < 0.9
+    assert largest(changes(base.speeds)) <= 1.02 * 0.4
     assert base.x == pytest.approx(2.5, abs=1.2e-3)
 
 
@@ -254,8 +266,19 @@ def test_arcs_are_driven_in_one_go_forwards_and_backwards(sign):
         assert min(math.dist(pose[:2], row[:2]) for row in base.path) < 6e-3
 
 
-def rates(values):
-    return [abs(b - a) / DT for a, b in itertools.pairwise(values)]
+def changes(values):
+    return [(b - a) / DT for a, b in itertools.pairwise(values)]
+
+
+def largest(values):
+    return max(map(abs, values))
+
+
+def keeps_limits(speeds, acceleration, jerk):
+    """Return whether commands keep limits to 2 %, differentiated once and twice."""
+    rates = changes([0.0, *speeds])
+    is_kept = largest(rates) <= 1.02 * acceleration
+    return is_kept and largest(changes([0.0, *rates])) <= 1.02 * jerk
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
@@ -265,8 +288,8 @@ def test_commands_keep_the_limits_of_the_base_on_any_curve(noise, curvature):
     base = DiffDrive(noise=noise)
     base.motion.start(Goal(id=0, type="go_to", base=route[-1]), base.state(), route)
     assert base.wait().state == "succeeded"
-    assert max(rates(base.speeds)) <= 0.4 * 1.02
-    assert max(rates(base.turns)) <= 0.8 * 1.02
+    assert keeps_limits(base.speeds, 0.4, 2.0)
+    assert keeps_limits(base.turns, 0.8, 4.0)
     assert max(map(abs, base.speeds)) <= 0.5 * 1.02
     assert max(map(abs, base.turns)) <= 0.8 * 1.02
 
@@ -278,9 +301,47 @@ def test_a_base_goes_gently_after_what_it_has_lost():
     # As where a map corrects odometry, or another body gives a push.
     base.x, base.y, base.yaw = base.x - 0.03, base.y + 0.02, base.yaw + 0.03
     assert base.wait().state == "succeeded"
-    assert max(rates(base.speeds)) <= 0.4 * 1.02
-    assert max(rates(base.turns)) <= 0.8 * 1.02
+    assert keeps_limits(base.speeds, 0.4, 2.0)
+    assert keeps_limits(base.turns, 0.8, 4.0)
     assert (base.x, base.y) == pytest.approx((2.0, 0.0), abs=3e-3)
+
+
+def test_what_its_skin_measures_with_noise_is_approached_within_the_limits():
+    base = DiffDrive()
+    noise = random.Random(2)
+    base.motion.start(Goal(id=0, type="drive", by=2.0), base.state())
+    # It ends 50 mm before something, whose skin measures 5 % too little.
+    outcome = base.wait(gap=lambda base: min((2.05 - base.x) * noise.gauss(0.95, 0.01), 0.08))
+    assert outcome.state == "succeeded"
+    assert keeps_limits(base.speeds, 0.4, 2.0)
+
+
+def test_what_appears_is_braked_for_within_the_limits_of_the_brake():
+    base = DiffDrive()
+    base.motion.start(Goal(id=0, type="drive", by=2.0), base.state())
+    base.wait(seconds=2.0)
+    assert keeps_limits(base.speeds, 0.4, 2.0)
+    there = base.x + 0.065
+    assert base.wait(seconds=0.4, gap=lambda base: min(there - base.x, 0.08)) is None
+    assert keeps_limits(base.speeds, 4.0, 4.0 / 0.04)
+    assert min(changes(base.speeds)) == pytest.approx(-4.0, rel=0.02)
+    assert 0.0 < there - base.x < 0.015
+    # It goes on as gently as before.
+    base.speeds = base.speeds[-3:]
+    assert base.wait().state == "succeeded"
+    assert largest(changes(base.speeds)) <= 1.02 * 0.4
+    assert largest(changes(changes(base.speeds))) <= 1.02 * 2.0
+
+
+@pytest.mark.parametrize("goal", [{"type": "drive", "by": -1.5}, {"type": "turn", "by": 2.0}])
+@pytest.mark.parametrize("seed", range(5))
+def test_what_comes_and_goes_stops_no_goal(goal, seed):
+    base, gaps = DiffDrive(), random.Random(seed)
+    base.motion.start(Goal(id=0, **goal), base.state())
+    outcome = base.wait(gap=lambda _: 0.08 * gaps.random() if gaps.random() < 0.2 else math.inf)
+    assert outcome.state == "succeeded"
+    assert keeps_limits(base.speeds, 4.0, 4.0 / 0.04)
+    assert keeps_limits(base.turns, 10.0, 10.0 / 0.04)
 
 
 def test_ahead_in_a_turn_no_point_of_a_robot_moves_far_between_two_poses():

@@ -94,6 +94,25 @@ def test_a_hand_that_does_not_move_is_stuck():
     assert "moved: 100.0 mm wide instead of 0.0 mm" in outcome.text
 
 
+def test_a_hand_that_does_not_let_go_is_stuck_and_has_not_held():
+    hand = Hand(thing=0.066)
+    hand.go(0.0)
+    hand.is_dead = True
+    outcome = hand.go(0.09)
+    assert (outcome.state, outcome.cause) == ("failed", "stuck")
+    told = "66.0 mm wide instead of 90.0 mm, 15.0 N of 15.0 N, something between them"
+    assert f"have not moved: {told}: is one finger jammed?" in outcome.text
+
+
+@pytest.mark.parametrize("is_dead", [True, False])
+def test_fingers_that_lose_something_and_do_not_close_may_be_jammed(is_dead):
+    hand = Hand(thing=0.066)
+    hand.go(0.0)
+    hand.is_dead, hand.thing = is_dead, None
+    (said,) = [lost for _, lost in (hand.step() for _ in range(100)) if lost]
+    assert said.endswith("is one finger jammed?") is is_dead
+
+
 def test_a_hand_that_something_blocks_without_being_held_is_stuck():
     hand = Hand(thing=0.04)
     hand.state = lambda: GripperState(width=hand.width, force=0.0, holding=False)

@@ -12,8 +12,10 @@ from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.lidar_view import SEEN, LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles
 from stepbus_store.planner.params import Params
+from stepbus_store.planner.walkers import Walkers
 
 MOUNT = (0.31, 0.0, 0.0)
+PARAMS = Params(model=Path(), joints=(), base_speed=0.6, base_acceleration=1.25)
 HERE = BaseState(x=0.0, y=0.0, yaw=0.0, vx=0.0, wz=0.0)
 
 
@@ -42,16 +44,23 @@ def test_what_is_on_the_map_is_not_new():
 
 def monitor(known=()):
     route = [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (2.0, 0.0, 0.0)]
-    return RouteMonitor(7, route, [], list(known), 0.36)
+    return RouteMonitor(7, route, list(known), PARAMS)
 
 
 def walk(watch, places, base=lambda _: HERE):
     """Return what is said of a box that is at these places, every 48 ms."""
+    seen = Walkers()
     for number, place in enumerate(places):
-        text = watch.check([box(*place)], base(number), 0.048 * number)
+        seen.look([box(*place)], 0.048 * number)
+        text = watch.check(seen, base(number))
         if text:
             return number, text
     return None
+
+
+def drives(number, x=0.0):
+    """Return a base that drives along the route at 0.6 m/s."""
+    return BaseState(x=x + 0.6 * 0.048 * number, y=0.0, yaw=0.0, vx=0.6, wz=0.0)
 
 
 def test_what_is_new_beside_the_route_is_told_with_its_distance():
@@ -69,30 +78,40 @@ def test_what_is_behind_or_beside_the_base_hinders_nothing():
     assert walk(monitor(), [(0.0, 0.5)] * 20) is None
 
 
-def test_a_person_who_walks_towards_the_route_is_told_long_before():
-    places = [(1.2, 3.0 - 0.6 * 0.048 * n) for n in range(100)]
-    number, text = walk(monitor(), places)
-    # 1.5 s ahead of where the room of what stands would begin.
-    assert places[number][1] > 0.36 + 0.25 + 0.15 + 0.6
-    assert text.startswith(SEEN)
+@pytest.mark.parametrize("speed", [0.4, 1.0, 1.6])
+def test_it_stops_for_who_crosses_its_way_before_that_is_too_late(speed):
+    # Both would be at 1.3 m after 2.2 s.
+    places = [(1.3, 2.2 * speed - speed * 0.048 * n) for n in range(46)]
+    number, text = walk(monitor(), places, drives)
+    assert text == f"{SEEN} walks towards its way"
+    # It comes to rest within 0.07 m.
+    assert drives(number).x + 0.07 + PARAMS.base_radius < 1.3 - 0.15
+
+
+@pytest.mark.parametrize("speed", [0.4, 1.0, 1.6])
+def test_it_does_not_stop_for_who_follows_it(speed):
+    places = [(-0.9 + min(speed, 0.7) * 0.048 * n, 0.1) for n in range(30)]
+    assert walk(monitor(), places, drives) is None
 
 
 def test_what_the_base_has_passed_hinders_it_no_more():
-    def moves(number):
-        return BaseState(x=0.6 * 0.048 * number, y=0.0, yaw=0.0, vx=0.6, wz=0.0)
-
-    watch = monitor()
+    watch, seen = monitor(), Walkers()
     for number in range(60):
-        assert watch.check([], moves(number), 0.048 * number) == ""
-    assert watch.check([box(0.3, 0.3)], moves(60), 0.048 * 60) == ""
+        assert watch.check(seen, drives(number)) == ""
+    seen.look([box(0.3, 0.3)], 3.0)
+    assert watch.check(seen, drives(60)) == ""
 
 
-def plan(*boxes, goal=(2.0, 0.0, 0.0)):
+def plan(*boxes, goal=(2.0, 0.0, 0.0), before=None):
+    """Return an answer; boxes: where each is; before: 0.3 s ago. It may give way."""
     described = Description(names=["chassis"], details={"shape": [""], "body": ["robot"]})
-    planner = BasePlanner(Obstacles("poses", described, "chassis"), Params(model=Path(), joints=()))
+    planner = BasePlanner(Obstacles("poses", described, "chassis"), PARAMS)
     request = PlanRequest(id=7, start=[], goal=[], base=((0.0, 0.0, 0.0), goal))
     poses = Poses(position=[(0.0, 0.0, 0.0)], orientation=[(0.0, 0.0, 0.0, 1.0)])
-    return planner.plan(request, planner.mapped(request, poses), [box(*at) for at in boxes])
+    seen = Walkers()
+    for t, places in ((0.0, before or boxes), (0.3, boxes)):
+        seen.look([box(*at) for at in places], t)
+    return planner.plan(request, planner.mapped(request, poses), seen, may_give_way=True)
 
 
 def test_a_route_leads_around_what_is_seen():
@@ -102,10 +121,28 @@ def test_a_route_leads_around_what_is_seen():
     assert min(gaps) > 0.3
 
 
-def test_where_only_what_is_seen_is_in_the_way_the_place_is_occupied():
+def test_a_place_where_something_stands_is_given_up_at_once():
     answer = plan((2.1, 0.0))
-    assert answer.cause == "occupied"
+    assert answer.cause == "goal_in_collision"
     assert answer.text.startswith(f"{SEEN} is 0.")
+
+
+def test_it_waits_for_who_walks_there_or_has_just_stopped():
+    assert plan((1.0, 0.6), before=[(1.0, 0.9)]).cause == "occupied"
+    seen = Walkers()
+    for t, y in ((0.0, 0.6), (0.3, 0.3), (0.6, 0.0), (1.0, 0.0), (1.4, 0.0)):
+        seen.look([box(1.0, y)], t)
+    assert (len(seen.pausing), seen.walking, seen.standing) == (1, [], [])
+    seen.look([box(1.0, 0.0)], 4.0)
+    assert (seen.pausing, seen.walking, len(seen.standing)) == ([], [], 1)
+
+
+def test_it_gives_way_to_who_walks_towards_where_it_stands():
+    answer = plan((2.4, 0.0), goal=(4.0, 0.0, 0.0), before=[(2.7, 0.0)])
+    assert answer.text.startswith("gives way 0.9 m, then base: ")
+    assert answer.route[0] == (-0.9, 0.0, 0.0)
+    # To whoever comes from behind, it gives way by driving on.
+    assert plan((-1.3, 0.0), before=[(-1.6, 0.0)]).route[-1][0] == 2.0
 
 
 def test_a_snapshot_does_not_change_with_later_scans():

@@ -144,9 +144,9 @@ class EagerExecutor:
     def __init__(self, **_: object) -> None:
         """Take what the pool of threads takes."""
 
-    def submit(self, work, *args):
+    def submit(self, work, *args, **named):
         done = Future()
-        done.set_result(work(*args))
+        done.set_result(work(*args, **named))
         return done
 
     def shutdown(self, **_: object) -> None:

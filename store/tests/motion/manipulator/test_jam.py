@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+import pytest
 from support.services.manipulator import PERIOD, Log, Stage, make_arm
 from support.services.ur5 import joints_goal
 
@@ -51,6 +52,20 @@ def test_a_joint_that_does_not_follow_is_named_and_left_alone(robot):
     assert np.allclose(np.array(log.q)[1:, ELBOW], stays)
     assert np.abs(np.array(log.v)[-1]).max() == 0.0
     assert np.abs(np.array(log.q)[0] - before.position).max() < LAG + 1e-3
+
+
+@pytest.mark.parametrize("left", [20, 30])
+def test_a_joint_that_jams_shortly_before_the_goal_is_named_too(robot, left):
+    stage = Stage(make_arm(robot, jam_lag=LAG))
+    number = stage.run(joints_goal()).steps
+    stage = Stage(
+        make_arm(robot, jam_lag=LAG, settle_timeout=3.0), motor=_Jammed(ELBOW, number - left)
+    )
+    stage.start(joints_goal())
+    found = _text_after(stage, number + 200)
+    assert found is not None
+    assert re.match(r"elbow_joint is \d\.\d° behind: is it jammed", found[1])
+    assert number < found[0] < number + 150
 
 
 def test_joints_that_follow_do_not_jam(robot):

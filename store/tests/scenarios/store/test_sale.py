@@ -102,6 +102,15 @@ def test_the_arm_touches_nothing_and_its_motors_suffice(recording):
 
 
 @pytest.mark.timeout(600)
+def test_the_commands_of_the_base_keep_its_limits(recording):
+    params = load("store").participant("controller").params
+    for field, name in (("vx", "base"), ("wz", "base_turn")):
+        rates = np.diff(recording["controller/base"][field]) / 0.016
+        assert np.abs(rates).max() <= 1.02 * params[f"{name}_acceleration"]
+        assert np.abs(np.diff(rates) / 0.016).max() <= 1.02 * params[f"{name}_jerk"]
+
+
+@pytest.mark.timeout(600)
 def test_a_second_run_with_another_window_is_equal_to_the_byte(sale, tmp_path):
     again = store(
         tmp_path, "window=8", "batch=4", "bus.transport=tcp", scenario="store", in_process=False

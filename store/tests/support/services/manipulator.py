@@ -51,8 +51,10 @@ def make_limits(robot: RobotModel) -> MotionLimits:
     return MotionLimits(velocity=0.8 * robot.velocity_limit, acceleration=4 * one, jerk=40 * one)
 
 
-def make_arm(robot: RobotModel, *, uses_planner: bool = False, **options: Any) -> Manipulator:
-    settling = JointParams(model=Path(), joints=(), settle_timeout=0.5)
+def make_arm(
+    robot: RobotModel, *, uses_planner: bool = False, settle_timeout: float = 0.5, **options: Any
+) -> Manipulator:
+    settling = JointParams(model=Path(), joints=(), settle_timeout=settle_timeout)
     given = ManipulatorOptions(**{"period": PERIOD, "tip": "tool0", **options})
     arm = make_manipulator(
         robot, make_limits(robot), settling, given, seed=0, uses_planner=uses_planner

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from support.services.control import Stand
 from support.services.mission_store import STEP_NS, FakeStore, config
 
-from stepbus_schemas import Contacts, RunError
+from stepbus_schemas import RunError
 from stepbus_store.mission.state_goals import GOALS
 from stepbus_store.mission.store_mission import StoreMission
 
@@ -61,7 +61,7 @@ def sell(store: FakeStore, steps: int = 20_000, ask=None, **params) -> Result:
             "stop": store.switch(index * STEP_NS * 1e-9),
         }
         if store.feels:
-            messages["contacts"] = Contacts(pairs=[], force=[], distance=[], position=[])
+            messages["contacts"] = store.contacts()
         if localized:
             messages |= {"poses": store.planogram, "pose": store.pose()}
         if store.news and (status := store.news.pop(0)) is not None:

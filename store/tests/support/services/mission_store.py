@@ -11,6 +11,7 @@ from support.services.control import make_config
 from stepbus_participant import Config
 from stepbus_schemas import (
     BaseState,
+    Contacts,
     Description,
     Detections,
     EmergencyStop,
@@ -117,7 +118,8 @@ class FakeStore:
     frame: that the detections say they are given in. drift: where the map has the origin of
     odometry, x, y, yaw [m, rad]; then the mission gets a planogram and a pose instead of the truth.
     requested: the camera waits for requests; loses: how many of these it loses. covered: share of
-    every spot that is hidden. feels: contacts are sensed; there never are any.
+    every spot that is hidden. feels: contacts are sensed: of the
+    floor, and of what makes the robot fall over.
     """
 
     things: dict[str, Thing]
@@ -194,6 +196,16 @@ class FakeStore:
         return Poses(
             position=[(x, y, 0.0), *((t.x, t.y, t.z) for t in rows), (0.15, 0.65, 0.0)],
             orientation=[turn, *(t.orientation for t in rows), IDENTITY],
+        )
+
+    def contacts(self) -> Contacts:
+        rows = [("chassis", "floor", 600.0), ("chassis", "crate_box", 812.4)][: 1 + self.has_fallen]
+        return Contacts(
+            pairs=[row[:2] for row in rows],
+            force=[0.0 for _ in rows],
+            distance=[0.0 for _ in rows],
+            position=[(0.0, 0.0, 0.0) for _ in rows],
+            peak_force=[row[2] for row in rows],
         )
 
     def odometry(self) -> BaseState:
