@@ -29,9 +29,6 @@ _STOP_WITHIN = 0.004
 [m]."""
 
 
-_TUCKED = 0.5
-"""How far from the axis of the base the tip of an arm may be that a detour may not touch [m]."""
-
 _ROOM = 0.02
 """An arm that stands farther than this from what it has stopped for need not leave it [m]."""
 
@@ -226,9 +223,6 @@ class Avoidance:
         base, monitor, navigator = self._parts.base, self._monitor, self._parts.navigator
         if part != "base" or base is None or monitor is None:
             return None
-        if navigator is not None and navigator.awaits_route and self._q is not None:
-            (x, y, _), _ = self._parts.arm.links.tip_pose(self._q)
-            navigator.may_detour = math.hypot(x, y) < _TUCKED
         if navigator is not None and navigator.hindrance and self._near is None:
             if gives_way := navigator.give_way(t):
                 self._reports.status(goal.id, "running", text=gives_way)

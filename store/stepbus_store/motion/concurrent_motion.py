@@ -54,6 +54,9 @@ class ConcurrentMotion:
         elif self.phase == "asked" and self.arm.is_ready:
             if not self.arrives or (self.navigator.drives and self.base.remaining <= _ARRIVES):
                 self._move()
+        elif self.phase == "moves" and not (self.arrives or self.navigator.has_route):
+            # Its path is free along the route that was.
+            self.navigator.waits = True
         elif self.phase == "postponed" and not self.arrives and not self.base.is_moving:
             self._alone(now, t)
 
@@ -116,6 +119,8 @@ class ConcurrentMotion:
 
     def _move(self) -> None:
         self.phase = "moves"
-        if not self.arrives:
+        if self.arrives:
+            self.navigator.may_detour = False
+        else:
             self.navigator.go()
         self.arm.release()

@@ -76,7 +76,7 @@ class Navigator:
         """What has come into the way of the base; empty: nothing."""
         self._occupied = ""
         self.may_detour = True
-        """Whether no arm is in the way of a detour."""
+        """Whether no arm has reached out for the end of the route."""
 
     @property
     def is_detour(self) -> bool:
@@ -134,7 +134,7 @@ class Navigator:
         self.cancel()
         self._base.stop()
         self._trip = _Trip(goal=goal, held=held)
-        self.waits = goal.type == "go_together"
+        self.waits, self.may_detour = goal.type == "go_together", True
         self.is_accompanied = False
         self._ask(self._trip, t)
         return text
@@ -172,8 +172,7 @@ class Navigator:
             self._verdict = Outcome(state="failed", cause=Cause.NO_PATH, text=plan.text)
             return
         trip.route = plan.route
-        is_beside = trip.goal.type == "go_together" and not self.waits
-        if is_beside and self.is_detour and not self.may_detour:
+        if self.is_detour and not self.may_detour:
             text = f"the way leads around something, but the arm is out: {plan.text}"
             self._verdict = Outcome(state="failed", cause=Cause.BLOCKED, text=text)
         elif not self.waits:

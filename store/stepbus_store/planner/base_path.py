@@ -3,7 +3,7 @@
 import heapq
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise, product
+from itertools import islice, pairwise, product
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,9 @@ _ALONG = 0.01
 
 _ROOM = (0.12, 0.06, 0.03, 0.0)
 """By how much farther away than it needs the base looks for a detour [m]."""
+
+_EXITS = 3
+"""Places from which a base that holds something looks for a route."""
 
 _ENOUGH = 3
 """Routes around something after which no more are looked for."""
@@ -114,15 +117,18 @@ class BasePlanner:
         """Yield how safe it is to drive straight for a while, and the route from there."""
         start, goal = _ends(request)
         x, y, yaw = start
-        for far in _ASIDE:
-            aside = (x + far * math.cos(yaw), y + far * math.sin(yaw), yaw)
-            if not self._is_free(np.array(start[:2]), np.array(aside[:2]), outlines):
-                continue
-            plan = self._plan(replace(request, base=(aside, goal)), outlines)
+        places = [(x + far * math.cos(yaw), y + far * math.sin(yaw), yaw) for far in _ASIDE]
+        ways = [
+            (self._safety([start, place], seen), place)
+            for place in places
+            if self._is_free(np.array(start[:2]), np.array(place[:2]), outlines)
+        ]
+        # To plan a way on from each of them takes too long.
+        for safety, place in sorted(ways, key=lambda way: -way[0])[:2]:
+            plan = self._plan(replace(request, base=(place, goal)), outlines)
             if not plan.cause:
-                text = f"gives way {abs(far):g} m, then {plan.text}"
-                plan = replace(plan, text=text, route=[aside, *plan.route])
-                yield self._safety([start, aside], seen), plan
+                text = f"gives way {math.dist(start[:2], place[:2]):g} m, then {plan.text}"
+                yield safety, replace(plan, text=text, route=[place, *plan.route])
 
     def _plan(self, request: PlanRequest, outlines: Sequence[Outline]) -> Plan:
         start, goal = _ends(request)
@@ -137,7 +143,7 @@ class BasePlanner:
             text = f"{near} is {gap:.2f} m from the base, which cannot leave straight"
             return Plan(id=request.id, cause=Cause.START_IN_COLLISION, text=text)
         # What is held out needs room where the base turns; if there is none, it drives back first.
-        exits = self._exits(out, start[2], outlines) if request.held else ()
+        exits = islice(self._exits(out, start[2], outlines), _EXITS) if request.held else ()
         ways = [*((at, True) for at in exits), (out, False)]
         for at, held in ways:
             pose = (float(at[0]), float(at[1]), start[2])
