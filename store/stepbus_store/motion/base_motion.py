@@ -19,7 +19,6 @@ from stepbus_store.motion.base_segments import (
 )
 from stepbus_store.motion.base_tracking import (
     GENTLE,
-    PLANNED,
     TrackingError,
     braking,
     limited_speeds,
@@ -281,8 +280,9 @@ class BaseMotion:
         if drive.is_over and not drive.brakes:
             return
         segment, params = drive.segment, self._params
-        limits, hard = limits_of(params, segment), braking(params, turns=segment.turns)
+        hard = braking(params, turns=segment.turns)
         s, speed, push = self._commanded(drive) if drive.brakes else drive.now()
+        limits = limits_of(params, segment, s, speed)
         curvature, share = segment.curvature(s), GENTLE if gap < params.contact_range else 1.0
         safe, gentle = (
             safe_speed(params, room, turns=segment.turns, curvature=curvature)
@@ -299,9 +299,7 @@ class BaseMotion:
         velocity, most, jerk = (
             float(row[0]) for row in (limits.velocity, limits.acceleration, limits.jerk)
         )
-        turning = PLANNED * params.base_turn_acceleration
-        agile = segment.fastest(s, turning, most, abs(speed) * most / jerk)
-        fastest = min(gentle, agile, velocity)
+        fastest = min(gentle, velocity)
         if fastest == drive.fastest and not must_brake and not drive.brakes:
             return
         if must_brake:
@@ -457,7 +455,7 @@ class BaseMotion:
             return
         # What brakes already goes on with that.
         brakes = hard or drive.brakes
-        limits = limits_of(self._params, drive.segment)
+        limits = limits_of(self._params, drive.segment, *drive.now()[:2])
         if brakes:
             limits = braking(self._params, turns=drive.segment.turns)
         profile = stop_from(drive.profile.at(drive.tau), limits)

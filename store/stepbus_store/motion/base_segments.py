@@ -12,6 +12,7 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import BaseState, Point
+from stepbus_store.pace import Agility
 from stepbus_store.poses import wrapped
 
 LEAST_ARC = 1e-3
@@ -19,6 +20,9 @@ LEAST_ARC = 1e-3
 
 _NO_LENGTH = 1e-9
 """Length of a segment that is none [m, rad]."""
+
+_DENSE = 0.02
+"""Distance of the places at which a curve knows its largest speed [m]."""
 
 _BESIDE = 3e-3
 """How far beside an arc its end may be [m]."""
@@ -63,10 +67,6 @@ class Turn:
         """Return 0: it has no path."""
         return 0.0
 
-    def fastest(self, s: float, turning: float, slowing: float, lead: float = 0.0) -> float:
-        """Return infinity: only its limits matter."""
-        return math.inf
-
 
 class Curve:
     """Arcs, or a straight line, that follow one another without a corner.
@@ -87,31 +87,32 @@ class Curve:
         self._curvature = turn / arcs
         self._ends = np.abs(self._s)
         # From the middle of an arc to that of the next one the curvature changes evenly.
-        self._middles = (self._ends[:-1] + self._ends[1:]) / 2
-        self._rates = np.abs(np.diff(self._curvature)) / np.diff(self._middles)
+        middles, length = (self._ends[:-1] + self._ends[1:]) / 2, self._ends[-1]
+        even = np.linspace(0.0, length, math.ceil(length / _DENSE) + 1)
+        self._places = np.union1d(middles, even)
+        self._bends = np.interp(self._places, middles, self._curvature)
+        self._speeds: Vector | None = None
         self.length = float(self._s[-1])
 
-    @property
-    def sharpest(self) -> float:
-        """Return the largest curvature [1/m]."""
-        return float(np.abs(self._curvature).max())
+    def limits(self, s: float, lead: float, agility: Agility) -> tuple[float, float]:
+        """Return the largest speed and acceleration at s [m/s, m/s²], of one agility.
 
-    def fastest(self, s: float, turning: float, slowing: float, lead: float = 0.0) -> float:
-        """Return the largest speed at s that lets the base turn as the curve wants it [m/s].
-
-        turning: largest angular acceleration [rad/s²]. slowing: deceleration before a place that
-        needs more at that speed [m/s²].
+        lead: how far the base drives until it slows down [m].
         """
-        ahead = self._middles[1:] > abs(s)
-        if not ahead.any():
-            return math.inf
-        room = np.maximum(self._middles[:-1][ahead] - abs(s) - lead, 0.0)
-        rates = np.maximum(self._rates[ahead], 1e-9)
-        return math.sqrt(float((turning / rates + 2.0 * slowing * room).min()))
+        if self._speeds is None:
+            self._speeds = agility.speeds(self._places, self._bends)
+            self._pushes = agility.pushes(self._bends)
+        at, speed = abs(s), float(np.interp(abs(s) + lead, self._places, self._speeds))
+        stop = speed**2 / (2.0 * agility.push) + lead
+        # It comes to rest with an acceleration that the whole rest of the curve allows.
+        until = at + (lead if at + stop < self._ends[-1] else stop)
+        near = self._pushes[slice(*np.searchsorted(self._places, [at, until]))]
+        here = float(np.interp(at, self._places, self._pushes))
+        return speed, min(here, float(near.min(initial=here)))
 
     def curvature(self, s: float) -> float:
         """Return the change of the heading with the length at s [1/m], without steps."""
-        return float(np.interp(abs(s), self._middles, self._curvature))
+        return float(np.interp(abs(s), self._places, self._bends))
 
     def at(self, s: float, speed: float) -> Reference:
         """Return the reference after s of the length, at a speed along it."""

@@ -8,6 +8,7 @@ from stepbus_schemas import BaseCommand, BaseState
 from stepbus_store.motion.base_segments import Reference, Segment, Turn
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.mobile.params import Params
+from stepbus_store.pace import Agility
 
 PLANNED, _PLANNED_JERK = 0.85, 0.8
 """Shares of accelerations and jerks that a reference uses; the rest brings the base back to it."""
@@ -31,18 +32,31 @@ _HALF_WIDTH = 0.3
 """Of the robot [m]."""
 
 
-def limits_of(params: Params, segment: Segment) -> MotionLimits:
-    """Return the limits along a segment, shape (1,); on a curve the base also turns."""
-    turning = PLANNED * params.base_turn_acceleration
-    turning_jerk = _PLANNED_JERK * params.base_turn_jerk
+_SLOWS = 0.85
+"""Share of that acceleration with which it slows down before a bend: that and the bend turn it."""
+
+
+def limits_of(params: Params, segment: Segment, s: float = 0.0, speed: float = 0.0) -> MotionLimits:
+    """Return the limits along a segment after s of it, shape (1,); on a curve the base also turns.
+
+    speed: that the base has there [m/s].
+    """
+    swing, twist = PLANNED * params.base_turn_acceleration, _PLANNED_JERK * params.base_turn_jerk
     if isinstance(segment, Turn):
-        return MotionLimits.of_one(params.base_turn_speed, turning, turning_jerk)
-    sharpest = max(segment.sharpest, 1e-9)
-    return MotionLimits.of_one(
-        min(params.base_speed, _ON_CURVES * params.base_turn_speed / sharpest),
-        min(PLANNED * params.base_acceleration, turning / sharpest),
-        min(_PLANNED_JERK * params.base_jerk, turning_jerk / sharpest),
+        return MotionLimits.of_one(params.base_turn_speed, swing, twist)
+    push, jerk = PLANNED * params.base_acceleration, _PLANNED_JERK * params.base_jerk
+    agility = Agility(
+        speed=params.base_speed,
+        turning=_ON_CURVES * params.base_turn_speed,
+        push=_SLOWS * push,
+        swing=_SLOWS * swing,
+        last=math.inf,
     )
+    # Half of the way in which that acceleration builds up.
+    lead = abs(speed) * agility.push / jerk / 2.0
+    fastest, slows = segment.limits(s, lead, agility)
+    share = slows / agility.push
+    return MotionLimits.of_one(max(fastest, _CREEP), share * push, share * jerk)
 
 
 def braking(params: Params, *, turns: bool) -> MotionLimits:
@@ -132,11 +146,13 @@ def _braked(correction: float, error: float, brake: float) -> float:
 class LimitedSpeed:
     """The velocity of a command, driving or turning, within limits of acceleration and jerk.
 
-    normal: both limits; braking: those of the brake. push: acceleration in the latest step.
+    normal: both limits; braking: those of the brake. most: speed that neither takes it beyond.
+    push: acceleration in the latest step.
     """
 
     normal: tuple[float, float]
     braking: tuple[float, float]
+    most: float
     value: float = 0.0
     push: float = 0.0
     brakes: bool = False
@@ -158,6 +174,11 @@ class LimitedSpeed:
         if not brakes:
             fastest = math.sqrt(2.0 * _SPARE_JERK * jerk * abs(missing))
             push += math.copysign(min(abs(missing) / _SETTLED_IN, fastest), missing)
+        # It ends at the largest speed.
+        up, down = (
+            math.sqrt(2.0 * jerk * max(self.most + v, 0.0)) for v in (-self.value, self.value)
+        )
+        push = min(max(push, -down), up)
         push = min(max(push, self.push - jerk * dt), self.push + jerk * dt)
         self.push = min(max(push, -most), most)
         self.value += self.push * dt
@@ -166,14 +187,20 @@ class LimitedSpeed:
 
 def limited_speeds(params: Params) -> tuple[LimitedSpeed, LimitedSpeed]:
     """Return those of driving and of turning, at rest."""
-    brake, turn_brake = params.base_brake, params.base_turn_brake
-    return (
-        LimitedSpeed((params.base_acceleration, params.base_jerk), (brake, brake / _BRAKE_RISE)),
-        LimitedSpeed(
-            (params.base_turn_acceleration, params.base_turn_jerk),
-            (turn_brake, turn_brake / _BRAKE_RISE),
+    rows = (
+        (params.base_speed, params.base_acceleration, params.base_jerk, params.base_brake),
+        (
+            params.base_turn_speed,
+            params.base_turn_acceleration,
+            params.base_turn_jerk,
+            params.base_turn_brake,
         ),
     )
+    one, other = (
+        LimitedSpeed((push, jerk), (brake, brake / _BRAKE_RISE), _HEADROOM * speed)
+        for speed, push, jerk, brake in rows
+    )
+    return one, other
 
 
 def slow_wheels(state: BaseState, sent: BaseCommand, track: float, *, least: float = 0.02) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Point
+from stepbus_store.pace import Agility
 from stepbus_store.planner.params import Params
 from stepbus_store.poses import wrapped
 
@@ -118,13 +119,24 @@ def _route(
     else:
         poses[-1] = goal
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    curvature = float((np.abs(np.diff(yaws)) / steps).max())
-    seconds = _turn_time(params, wrapped(first - start[2])) + _turn_time(
-        params, wrapped(goal[2] - yaws[-1])
+    ends, bends = np.insert(np.cumsum(steps), 0, 0.0), np.diff(yaws) / steps
+    # The curvature is that of an arc in its middle.
+    along = np.concatenate([ends[:1], (ends[1:] + ends[:-1]) / 2, ends[-1:]])
+    curvature = np.concatenate([bends[:1], bends, bends[-1:]])
+    seconds = _STOP + _agility(params).seconds(along, curvature)
+    for angle in (first - start[2], goal[2] - yaws[-1]):
+        seconds += _turn_time(params, wrapped(angle))
+    sharpest = float(np.abs(bends).max())
+    return SmoothRoute(poses=tuple(poses), seconds=seconds, sharpest=sharpest)
+
+
+def _agility(params: Params) -> Agility:
+    return Agility(
+        speed=params.base_speed,
+        turning=params.base_turn_speed,
+        push=params.base_acceleration,
+        swing=params.base_turn_acceleration,
     )
-    speed = min(params.base_speed, params.base_turn_speed / max(curvature, 1e-9))
-    seconds += _STOP + _trapezoid(float(steps.sum()), speed, params.base_acceleration)
-    return SmoothRoute(poses=tuple(poses), seconds=seconds, sharpest=curvature)
 
 
 def _yaws(points: Vector, first: float, last: float, *, back: bool) -> list[float]:
@@ -188,12 +200,8 @@ def _apart(dense: Vector) -> Vector:
 
 def _turn_time(params: Params, angle: float) -> float:
     """Return how long a turn on the spot takes [s]."""
-    if abs(angle) < 1e-9:
+    speed, swing, turn = params.base_turn_speed, params.base_turn_acceleration, abs(angle)
+    if turn < 1e-9:
         return 0.0
-    return _STOP + _trapezoid(abs(angle), params.base_turn_speed, params.base_turn_acceleration)
-
-
-def _trapezoid(length: float, speed: float, acceleration: float) -> float:
-    if length < speed**2 / acceleration:
-        return 2.0 * math.sqrt(length / acceleration)
-    return length / speed + speed / acceleration
+    rise = min(speed / swing, math.sqrt(turn / swing))
+    return _STOP + turn / (swing * rise) + rise

@@ -137,23 +137,29 @@ class BasePlanner:
         if gap < self._radius:
             text = f"{near} is {gap:.2f} m from the goal; the base needs {self._radius:g} m to turn"
             return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text)
+        if request.held and (at := self._in_hand(goal, outlines)):
+            text = f"{at} is less than {_HELD:g} m from what the hand holds at the goal"
+            return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text)
         out = self._escape(start, outlines)
         if out is None:
             near, gap = _nearest(outlines, a)
             text = f"{near} is {gap:.2f} m from the base, which cannot leave straight"
             return Plan(id=request.id, cause=Cause.START_IN_COLLISION, text=text)
-        # What is held out needs room where the base turns; if there is none, it drives back first.
+        # What is held out needs room where the base turns; with less of it, it drives back first.
         exits = islice(self._exits(out, start[2], outlines), _EXITS) if request.held else ()
-        ways = [*((at, True) for at in exits), (out, False)]
-        for at, held in ways:
-            pose = (float(at[0]), float(at[1]), start[2])
-            route, shape = self._smooth(pose, goal, outlines, held=held)
-            if route is not None:
+        fastest, route, shape, leaves = math.inf, None, "", 0.0
+        for at, held in [*((at, True) for at in exits), (out, False)]:
+            if route is not None and (shape == "direct" or not held):
                 break
+            pose = (float(at[0]), float(at[1]), start[2])
+            way, text = self._smooth(pose, goal, outlines, held=held)
+            far = float(np.linalg.norm(at - a))
+            if way is None or (seconds := way.seconds + _leaving(far, self._params)) >= fastest:
+                continue
+            fastest, route, shape, leaves = seconds, way, text, far
         if route is None:
             text = f"no path for the base within {_AROUND:g} m around start and goal"
             return Plan(id=request.id, cause=Cause.NO_PATH, text=text)
-        leaves = float(np.linalg.norm(at - a))
         text = f"base: {shape}, {route.length + leaves:.2f} m, {len(outlines)} obstacles"
         return Plan(
             id=request.id, text=text, route=list(route.poses if leaves else route.poses[1:])
@@ -223,6 +229,13 @@ class BasePlanner:
         places = poses[:, :2] + _CARRIED * headings
         gaps = (distances(places, row.corners) for row in outlines if row.top > _HIGH)
         return any((gap < min(_HELD, gap[0] - 1e-3)).any() for gap in gaps)
+
+    def _in_hand(self, pose: Point, outlines: Sequence[Outline]) -> str:
+        """Return what is too near to a thing that is held out at a pose; empty: nothing."""
+        x, y, yaw = pose
+        place = np.array((x + _CARRIED * math.cos(yaw), y + _CARRIED * math.sin(yaw)))
+        near, gap = _nearest([row for row in outlines if row.top > _HIGH], place)
+        return near if gap < _HELD else ""
 
     def _outlines(
         self, placements: Mapping[str, Any], start: Point, skipped: set[str]
@@ -303,6 +316,11 @@ def _ends(request: PlanRequest) -> tuple[Point, Point]:
     if request.base is None:
         raise ValueError("no request of a base")
     return request.base
+
+
+def _leaving(far: float, params: Params) -> float:
+    """Return how long the base takes to drive straight before its route [s]."""
+    return 2.0 * math.sqrt(far / params.base_acceleration)
 
 
 def _detour(corners: Sequence[Vector]) -> str:

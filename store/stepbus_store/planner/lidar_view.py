@@ -18,7 +18,7 @@ _APART = 0.15
 """Neighbours farther apart belong to two things [m]."""
 
 _DEPTH = 0.2
-"""How far what is seen reaches back from the face that the lidar sees [m]."""
+"""How far what is seen reaches back from the face that the lidar sees, if it is that wide [m]."""
 
 _FEWEST = 2
 """Points that make a thing; a single one is noise."""
@@ -29,7 +29,7 @@ _SAME = 0.15
 _LATER = 0.05
 """How much more room is left to what was not there then [m]."""
 
-_TOLERANCE = 0.04
+_TOLERANCE = 0.06
 """By which less room than planned what was there may leave [m]."""
 
 SEEN = "something that the lidar sees"
@@ -73,9 +73,9 @@ class LidarView:
                         is_new &= distances(points, row.corners) > _MAPPED
                 face = points[is_new]
                 if len(face) >= _FEWEST:
-                    behind = face + _DEPTH * away[is_new]
-                    corners = hull(np.concatenate([face, behind]))
                     sides = np.stack([face.min(axis=0), face.max(axis=0)])
+                    behind = face + min(_DEPTH, math.dist(*sides)) * away[is_new]
+                    corners = hull(np.concatenate([face, behind]))
                     seen.append(Outline(link=SEEN, corners=corners, face=sides))
         return seen
 
