@@ -119,9 +119,9 @@ def _route(
     else:
         poses[-1] = goal
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    ends, bends = np.insert(np.cumsum(steps), 0, 0.0), np.diff(yaws) / steps
+    far, bends = np.insert(np.cumsum(steps), 0, 0.0), np.diff(yaws) / steps
     # The curvature is that of an arc in its middle.
-    along = np.concatenate([ends[:1], (ends[1:] + ends[:-1]) / 2, ends[-1:]])
+    along = np.concatenate([far[:1], (far[1:] + far[:-1]) / 2, far[-1:]])
     curvature = np.concatenate([bends[:1], bends, bends[-1:]])
     seconds = _STOP + _agility(params).seconds(along, curvature)
     for angle in (first - start[2], goal[2] - yaws[-1]):

@@ -137,8 +137,8 @@ class BasePlanner:
         if gap < self._radius:
             text = f"{near} is {gap:.2f} m from the goal; the base needs {self._radius:g} m to turn"
             return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text)
-        if request.held and (at := self._in_hand(goal, outlines)):
-            text = f"{at} is less than {_HELD:g} m from what the hand holds at the goal"
+        if request.held and (near := self._in_hand(goal, outlines)):
+            text = f"{near} is less than {_HELD:g} m from what the hand holds at the goal"
             return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text)
         out = self._escape(start, outlines)
         if out is None:
@@ -147,7 +147,8 @@ class BasePlanner:
             return Plan(id=request.id, cause=Cause.START_IN_COLLISION, text=text)
         # What is held out needs room where the base turns; with less of it, it drives back first.
         exits = islice(self._exits(out, start[2], outlines), _EXITS) if request.held else ()
-        fastest, route, shape, leaves = math.inf, None, "", 0.0
+        route: SmoothRoute | None = None
+        fastest, shape, leaves = math.inf, "", 0.0
         for at, held in [*((at, True) for at in exits), (out, False)]:
             if route is not None and (shape == "direct" or not held):
                 break
