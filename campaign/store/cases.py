@@ -13,6 +13,9 @@ from typing import Any
 from stepbus_participant import package_path
 from stepbus_plant.world_file import Item, load_world
 
+from . import obstacles
+from .obstacles import Action, put
+
 _TYPES = ("cola", "juice", "water", "soup")
 _HEIGHTS = {"cola": 0.116, "juice": 0.121, "water": 0.151, "soup": 0.101}
 """Where something stands on an item, above its lower end [m]."""
@@ -22,7 +25,7 @@ _ARM = (
     "wrist_1_joint", "wrist_2_joint", "wrist_3_joint",
 )  # fmt: skip
 
-Action = dict[str, Any]
+_WHEELS, _FINGERS = ("left_wheel", "right_wheel"), ("left_finger", "right_finger")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,68 +71,17 @@ def cases(seed: int, count: int) -> list[Case]:
     for number in range(count):
         family = names[number % len(names)]
         chance = random.Random(f"store {seed} {number}")
-        common = {"seed": chance.randrange(10_000), "order": chance.choice(_TYPES)}
-        rows.append(
-            Case(number=number, family=family, **{**common, **FAMILIES[family](chance, common)})
-        )
+        sale = {"seed": chance.randrange(10_000), "order": chance.choice(_TYPES)}
+        given = FAMILIES[family](chance, {**sale, "round": number // len(names)})
+        rows.append(Case(number=number, family=family, **{**sale, **given}))
     return rows
-
-
-def _put(body: str, at: float, x: float, y: float, *, z: float = 0.0, yaw: float = 0.0) -> Action:
-    """Return an action; at: its time [s]. x, y, z, yaw: of the body [m, rad]."""
-    position = [round(part, 5) for part in (x, y, z)]
-    action: Action = {"at": f"{max(at, 0.001):.3f}s", "body": body, "position": position}
-    return {**action, "orientation_rpy": [0, 0, yaw]} if yaw else action
-
-
-def _posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
-    """Put a post and a crate between home and shelf before the start."""
-    places = [(chance.uniform(0.65, 1.3), chance.uniform(-0.8, 0.8)) for _ in range(2)]
-    bodies = chance.sample(["pillar", "crate"], chance.randint(1, 2))
-    rows = zip(bodies, places, strict=False)
-    return {"script": [_put(body, 0.0, *place) for body, place in rows]}
-
-
-def _sudden(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
-    """Put a post or a crate before the driving base, as far away as a base needs to stop."""
-    if chance.random() < 0.5:
-        at, x = chance.uniform(0.3, 1.2), chance.uniform(1.05, 1.3)
-    else:
-        # On its way home, at least 0.2 m away: before 8 s it is still at the shelf.
-        at, x = chance.uniform(8.5, 9.1), chance.uniform(-0.25, 0.1)
-    body = chance.choice(["pillar", "crate"])
-    return {"script": [_put(body, at, x, chance.uniform(-0.35, 0.35))]}
-
-
-def _walk(at: float, x: float, y: float, over: float) -> Action:
-    """Return an action: the person walks somewhere [m], in a time [s]."""
-    return {"at": f"{at:.3f}s", "body": "crate", "to": [x, y, 0.0], "over": f"{over:.3f}s"}
-
-
-def _people(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
-    """Send a person across the path, or close to it and back, at the pace of a walk."""
-    x, speed = chance.uniform(1.0, 1.2), chance.uniform(0.4, 0.7)
-    if chance.random() < 0.5:
-        # Before the base comes, or before it goes home.
-        start, x = chance.choice([(0.0, x), (7.0, 0.6 * x)])
-        begin = _put("crate", max(start - 0.1, 0.0), x, -1.5)
-        return {"script": [begin, _walk(start + 0.1, x, 1.5, 3.0 / speed)]}
-    start, nearest = chance.uniform(0.2, 1.0), chance.uniform(0.62, 0.75)
-    took = (1.4 - nearest) / speed
-    return {
-        "script": [
-            _put("crate", 0.0, x, 1.4),
-            _walk(start, x, nearest, took),
-            _walk(start + took + 0.1, x, 1.4, took),
-        ]
-    }
 
 
 def _arm_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     """Put the post near the shelf before the arm gets there."""
     at = chance.choice([0.0, chance.uniform(2.8, 3.8), chance.uniform(4.0, 5.8)])
     x, y = chance.uniform(1.95, 2.1), chance.uniform(-0.5, 0.6)
-    return {"script": [_put("pillar", at, x, y, z=chance.choice([0.0, chance.uniform(0.2, 0.5)]))]}
+    return {"script": [put("pillar", at, x, y, z=chance.choice([0.0, chance.uniform(0.2, 0.5)]))]}
 
 
 def _outlet_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
@@ -138,10 +90,10 @@ def _outlet_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]
         late = chance.uniform(0.0, 1.0)
         # The wrist comes along here a little later, while the base still drives.
         x, y = 0.83 - 0.8 * late + chance.uniform(-0.1, 0.1), chance.uniform(0.5, 0.72)
-        return {"scenario": "store", "script": [_put("pillar", 9.6 + late, x, y)]}
+        return {"scenario": "store", "script": [put("pillar", 9.6 + late, x, y)]}
     x, y = chance.uniform(0.22, 0.4), chance.uniform(0.4, 0.58)
     height = -chance.uniform(0.45, 0.6)
-    script = [_put("pillar", chance.uniform(13.1, 13.7), x, y, z=height)]
+    script = [put("pillar", chance.uniform(13.1, 13.7), x, y, z=height)]
     return {"scenario": "store", "script": script}
 
 
@@ -162,7 +114,7 @@ def _deeper(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
     item, deeper = _first(common), chance.uniform(0.005, 0.022)
     x, y, z = item.position
     c, s = math.cos(item.yaw), math.sin(item.yaw)
-    return {"script": [_put(item.name, 0.2, x + c * deeper, y + s * deeper, z=z, yaw=item.yaw)]}
+    return {"script": [put(item.name, 0.2, x + c * deeper, y + s * deeper, z=z, yaw=item.yaw)]}
 
 
 def _turned(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
@@ -171,7 +123,7 @@ def _turned(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
     x, y, z = item.position
     dx, dy = (chance.uniform(-0.008, 0.008) for _ in range(2))
     yaw = item.yaw + chance.uniform(-0.5, 0.5)
-    return {"script": [_put(item.name, 0.2, x + dx, y + dy, z=z, yaw=yaw)]}
+    return {"script": [put(item.name, 0.2, x + dx, y + dy, z=z, yaw=yaw)]}
 
 
 def _lying(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
@@ -182,7 +134,7 @@ def _lying(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
     # The origin of an item is its lower end.
     x, y = x - 0.05 * math.cos(heading), y - 0.05 * math.sin(heading)
     action = {
-        **_put(item.name, 0.2, x, y, z=z + 0.036),
+        **put(item.name, 0.2, x, y, z=z + 0.036),
         "orientation_rpy": [0, math.pi / 2, heading],
     }
     return {"scenario": "store", "script": [action]}
@@ -193,7 +145,7 @@ def _hidden(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
     item = _first(common)
     x, y, z = item.position
     above = next(name for name, row in _items(common["seed"]).items() if row.type != item.type)
-    action = _put(above, 0.2, x + chance.uniform(-0.01, 0.01), y, z=z + _HEIGHTS[item.type])
+    action = put(above, 0.2, x + chance.uniform(-0.01, 0.01), y, z=z + _HEIGHTS[item.type])
     return {"scenario": "store", "script": [action]}
 
 
@@ -201,22 +153,18 @@ def _shelf(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     """Move the shelf, but not what stands on it."""
     dx, dy = chance.uniform(-0.015, 0.015), chance.uniform(-0.03, 0.03)
     yaw = chance.uniform(-0.02, 0.02)
-    return {"script": [_put("shelf_a", 0.1, 1.95 + dx, dy, yaw=yaw)]}
+    return {"script": [put("shelf_a", 0.1, 1.95 + dx, dy, yaw=yaw)]}
 
 
 def _kill(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     return {"fault": f"kill {chance.choice(_KILLABLE)} at {chance.randrange(20, 900)}"}
 
 
-def _jam(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
-    """Jam a wheel while the base drives, or a joint of the arm while it moves."""
-    if chance.random() < 0.6:
-        at = chance.choice([chance.uniform(0.5, 3.0), chance.uniform(8.3, 11.0)])
-        return {
-            "script": [{"at": f"{at:.3f}s", "jam": chance.choice(["left_wheel", "right_wheel"])}]
-        }
-    at = chance.choice([chance.uniform(3.9, 7.8), chance.uniform(11.4, 13.4)])
-    return {"script": [{"at": f"{at:.3f}s", "jam": chance.choice(_ARM)}]}
+def _jam(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
+    """Jam each joint of the arm, each wheel and each finger in turn, at any time."""
+    joints = (*_ARM, *_WHEELS, *_FINGERS)
+    joint = joints[common["round"] % len(joints)]
+    return {"script": [{"at": f"{chance.uniform(0.5, 13.0):.3f}s", "jam": joint}]}
 
 
 def _camera(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
@@ -245,9 +193,13 @@ def _lost(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 FAMILIES: Mapping[str, Callable[[random.Random, Mapping[str, Any]], dict[str, Any]]] = {
-    "posts on the way": _posts,
-    "a post appears": _sudden,
-    "people": _people,
+    "a post on the way out": obstacles.post_out,
+    "a post on the way home": obstacles.post_home,
+    "a post at the goal": obstacles.post_at_goal,
+    "somebody crosses": obstacles.crossing,
+    "somebody follows": obstacles.following,
+    "somebody stands": obstacles.standing,
+    "somebody turns back": obstacles.turning,
     "posts at the shelf": _arm_posts,
     "deeper item": _deeper,
     "turned item": _turned,

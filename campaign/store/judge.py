@@ -14,10 +14,11 @@ import msgpack
 
 from campaign.log_reader import Log
 
+from .braking import IN_THE_WAY, STEP_S, avoidable
+
 MOST_FORCE = 50.0
 """Of the robot on anything but the ground [N]."""
 
-_STEP_S = 0.016
 _AT_REST = 0.02
 """Velocity below which a link or a joint is at rest [m/s, rad/s]."""
 
@@ -103,8 +104,8 @@ def decoded(log: Log) -> SaleLog:
 class Excuses:
     """What no robot can avoid: something is put into it, or nearer than it can brake.
 
-    overlaps: the step from which on something is inside the robot, after which no force says
-    anything. hits: link → steps in which it may be hit, with sentences.
+    overlaps: the step from which on something is inside the robot, or has run into it, after which
+    no force says anything. hits: link → steps in which it may be hit, with sentences.
     """
 
     overlaps: float = math.inf
@@ -122,7 +123,7 @@ def excuses(log: SaleLog, script: Sequence[Mapping[str, Any]]) -> Excuses:
     for action in script:
         if "body" not in action:
             continue
-        at = math.ceil(float(str(action["at"]).removesuffix("s")) / _STEP_S - 1e-6)
+        at = math.ceil(float(str(action["at"]).removesuffix("s")) / STEP_S - 1e-6)
         # Put there at the beginning of a step, it is measured at the end of that.
         rows = (row for row in log.messages.get("plant/contacts", ()) if row[0] > at)
         step, contacts = next(rows, (0, {"pairs": (), "distance": ()}))
@@ -134,6 +135,10 @@ def excuses(log: SaleLog, script: Sequence[Mapping[str, Any]]) -> Excuses:
             excused.texts.append(f"{others[0]} appeared {gap * 1e3:.0f} mm from the robot")
             if gap <= 0.0:
                 excused.overlaps = min(excused.overlaps, step)
+    for body, (step, when) in touched(log).items():
+        if when is None:
+            excused.overlaps = min(excused.overlaps, step)
+            excused.texts.append(f"{body} ran into the base at step {step}")
     return excused
 
 
@@ -154,6 +159,7 @@ def judge(
     return [
         *damage,
         *_forces(log, excused),
+        *_hits(log, excused),
         *_motion(log, result),
         *_sale(log, result),
         *_touches(log, result, excused),
@@ -186,6 +192,32 @@ def _forces(log: SaleLog, excused: Excuses) -> Iterator[str]:
         yield f"{one} pressed on {other} with {force:.0f} N at step {step}"
 
 
+def touched(log: SaleLog) -> dict[str, tuple[int, int | None]]:
+    """Return who or what in the way the robot touched: at which step first, when it had to brake.
+
+    None: to brake at its limit would not have avoided it.
+    """
+    first: dict[str, int] = {}
+    for step, pair, _ in _robot_contacts(log):
+        for body in (log.bodies.get(link, "") for link in pair):
+            if body in IN_THE_WAY:
+                first.setdefault(body, step)
+    speeds = {step: row["vx"] for step, row in log.messages.get("plant/odometry", ())}
+    poses = log.messages.get("plant/poses", ())
+    rows = (
+        (body, step, avoidable(poses, speeds, log.bodies, body, step))
+        for body, step in first.items()
+    )
+    return {body: (step, when) for body, step, when in rows}
+
+
+def _hits(log: SaleLog, excused: Excuses) -> Iterator[str]:
+    """Check that the base is touched only by what braking at its limit would not have avoided."""
+    for body, (step, when) in touched(log).items():
+        if when is not None and step < excused.overlaps:
+            yield f"{body} is touched at step {step}; braking at step {when} would have avoided it"
+
+
 def _motion(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
     """Check that nothing of the robot moves at the end."""
     state, base = log.last("plant/joint_state"), log.last("plant/odometry")
@@ -198,7 +230,7 @@ def _motion(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
         yield f"the wheels turn at the end, at {base['vx']:.3f} m/s: {result['reason']}"
     rows = log.messages.get("plant/poses", ())[-2:]
     if len(rows) == 2:
-        seconds = (rows[1][0] - rows[0][0]) * _STEP_S
+        seconds = (rows[1][0] - rows[0][0]) * STEP_S
         chassis = log.names["plant/poses"].index("chassis")
         speed = math.dist(*(row["position"][chassis] for _, row in rows)) / seconds
         if speed > _AT_REST:

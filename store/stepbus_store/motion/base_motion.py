@@ -67,13 +67,13 @@ def _as_arc(segment: Segment, length: float) -> float:
 class _Drive:
     """A segment under way: its profile, the time since that began, and since its end [s].
 
-    fastest: speed that the profile goes up to [m/s, rad/s]. stops: it ends before the segment does.
+    pace: largest speed and acceleration of the profile. stops: it ends before the segment does.
     brakes: it has the limits of the brake.
     """
 
     segment: Segment
     profile: Motion
-    fastest: float = math.inf
+    pace: tuple[float, float] = (math.inf, math.inf)
     stops: bool = False
     brakes: bool = False
     tau: float = 0.0
@@ -300,7 +300,7 @@ class BaseMotion:
             float(row[0]) for row in (limits.velocity, limits.acceleration, limits.jerk)
         )
         fastest = min(gentle, velocity)
-        if fastest == drive.fastest and not must_brake and not drive.brakes:
+        if (fastest, most) == drive.pace and not must_brake and not drive.brakes:
             return
         if must_brake:
             drive.profile = stop_from(JointMotion.of_one(*self._commanded(drive)), hard)
@@ -312,7 +312,7 @@ class BaseMotion:
             limits = MotionLimits.of_one(fastest, most, jerk)
             now = JointMotion.of_one(s, speed, push)
             drive.profile = motion_to(now, np.array([segment.length]), limits)
-        drive.tau, drive.fastest = 0.0, fastest
+        drive.tau, drive.pace = 0.0, (fastest, most)
         if must_brake or drive.brakes:
             self._wanted = self._reference(drive)
         drive.brakes = must_brake

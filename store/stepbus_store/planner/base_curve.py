@@ -85,14 +85,16 @@ def rounded_routes(
         points = _smoothed(corners, width)
         for back in (False, True):
             flip = math.pi if back else 0.0
-            first, last = (math.atan2(*(q - p)[::-1]) + flip for p, q in _ends(points))
+            first, last = _heading(points[:3]) + flip, _heading(points[:-4:-1]) + flip + math.pi
             route = _route((start, goal), points, (first, last), params, back=back)
             if route.sharpest <= _SHARPEST_CORNER:
                 yield route
 
 
-def _ends(points: Vector) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
-    return (points[0], points[1]), (points[-2], points[-1])
+def _heading(points: Vector) -> float:
+    """Return the direction at the first of three points, as that of an arc through them."""
+    a, b = (math.atan2(*(q - p)[::-1]) for p, q in pairwise(points))
+    return a - wrapped(b - a) / 2
 
 
 def _route(
@@ -185,7 +187,10 @@ def _smoothed(corners: Sequence[Vector], width: float) -> Vector:
     dense = np.stack([np.interp(s, along, ends[:, n]) for n in (0, 1)], axis=1)
     kernel = np.convolve(np.ones(count), np.ones(count)) / count**2
     rows = np.stack([np.convolve(dense[:, n], kernel, "valid") for n in (0, 1)], axis=1)
-    rows[[0, -1]] = corners[0], corners[-1]
+    # A corner near an end moves that; it goes back smoothly, over twice that width.
+    for way, end in ((rows, corners[0]), (rows[::-1], corners[-1])):
+        near = np.maximum(1.0 - np.arange(len(rows)) * _FINE / (2.0 * width), 0.0)
+        way[:] += (near**2 * (3.0 - 2.0 * near))[:, None] * (end - way[0])
     return _apart(rows)
 
 

@@ -33,6 +33,9 @@ _LAST_SHARE = 0.5
 _LAST_RESOLUTION = 0.5
 """Resolution of the trajectory's check, as a share of the search's."""
 
+_UPRIGHT = math.cos(0.6)
+"""Of the tilt at which what is held starts to turn between the pads."""
+
 _HEIGHT = 1.3
 """Of what lidars see, which do not see how high it is [m]."""
 
@@ -273,14 +276,28 @@ class _Planning:
             seed=int(seed) + 1,
         )
 
+        is_upright = self._upright()
+
         def is_free(q: Vector) -> bool:
-            return not self._cancelled() and checker.is_free(q)
+            return not self._cancelled() and is_upright(q) and checker.is_free(q)
 
         paths = find_paths(search, self._start, self._goal, is_free, self._cancelled)
         if self._cancelled():
             raise Cancelled
         for path in paths or ():
             yield path, "detour"
+
+    def _upright(self) -> Callable[[Vector], bool]:
+        """Return a check that what is held tilts no farther than it may, or than at the goal."""
+
+        def up(q: Vector) -> Vector:
+            """Return the vertical in the frame of the tip."""
+            row: Vector = self._robot.frame_pose(q, self._planner.tip).rotation[2]
+            return row
+
+        first = up(self._start)
+        least = min(_UPRIGHT, float(first @ up(self._goal)) - 1e-3)
+        return lambda q: not self._request.held or bool(first @ up(q) > least)
 
     def _overload(self, path: Vector) -> str:
         """Return which motor is too weak for a path without a trajectory."""

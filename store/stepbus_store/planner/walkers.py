@@ -23,8 +23,9 @@ _AGO, _SHORTEST = 0.2, 0.09
 _SAME = 0.3
 """Nearer to where something was, it may be the same thing [m]."""
 
-_WALKS, _NOISE = 0.1, 0.03
-"""Velocity from which it moves [m/s], and how far noise moves its sides [m]."""
+_WALKS, _NOISE, _ALIKE = 0.1, 0.03, 0.6
+"""Velocity from which it moves [m/s], how far noise moves its sides [m], and of how far one side
+moves, the least share by which the other one does."""
 
 _PAUSES = 3.0
 """Whoever has walked stands only for a moment, for that long [s]."""
@@ -141,7 +142,9 @@ def _velocity(
 def _moved(thing: Outline, before: Outline, seconds: float) -> Vector:
     """Return a velocity; both sides have to move: more of what stands is seen from nearby."""
     low, high = thing.sides - before.sides
-    both = np.where(low * high > 0.0, np.where(np.abs(low) < np.abs(high), low, high), 0.0)
+    less, more = np.minimum(np.abs(low), np.abs(high)), np.maximum(np.abs(low), np.abs(high))
+    is_alike = (low * high > 0.0) & (less > _ALIKE * more - _NOISE)
+    both = np.where(is_alike, np.copysign(less, low), 0.0)
     is_moved = float(np.linalg.norm(both)) > _WALKS * seconds + _NOISE
     return both / seconds if is_moved else np.zeros(2)
 
