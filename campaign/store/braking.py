@@ -27,7 +27,7 @@ _APART = 0.005
 """What counts as clear [m]."""
 
 _BASE = (0.31, 0.27)
-IN_THE_WAY = {"crate": (0.15, 0.15), "pillar": (0.04, 0.04)}
+IN_THE_WAY = {"crate_box": (0.15, 0.15), "pillar_post": (0.04, 0.04)}
 """Half of lengths and widths [m]."""
 
 _JUMP, _MOVES = 0.2, 0.003
@@ -50,9 +50,9 @@ def _outside(points: Array, pose: Pose, half: Sequence[float]) -> float:
     return float(np.linalg.norm(np.maximum(np.abs(own) - half, 0.0), axis=1).min())
 
 
-def gap(base: Pose, other: Pose, body: str) -> float:
-    """Return the distance of base and body, to a millimetre or two; 0: they touch [m]."""
-    half = IN_THE_WAY[body]
+def gap(base: Pose, other: Pose, link: str) -> float:
+    """Return the distance of base and link, to a millimetre or two; 0: they touch [m]."""
+    half = IN_THE_WAY[link]
     ways = (_outline(base, _BASE), other, half), (_outline(other, half), base, _BASE)
     return min(_outside(*way) for way in ways)
 
@@ -71,25 +71,23 @@ def _standing(base: Pose, speed: float) -> Pose:
 def avoidable(
     poses: Sequence[tuple[int, Mapping[str, Any]]],
     speeds: Mapping[int, float],
-    links: Mapping[str, str],
-    body: str,
+    names: Sequence[str],
+    link: str,
     touched: int,
 ) -> int | None:
-    """Return the last step at which braking would have kept the base clear of a body.
+    """Return the last step at which braking would have kept the base clear of a link.
 
-    poses: messages with their steps; links: link → its body, in the order of the messages; speeds:
-    step → of the base [m/s]. touched: step of the first touch. None: there is no such step.
+    poses: messages with their steps, of the links in names; speeds: step → of the base [m/s].
+    touched: step of the first touch. None: there is no such step.
     """
-    names = list(links)
-    chassis = names.index("chassis")
-    thing = next(n for n, name in enumerate(names) if links[name] == body)
+    chassis, thing = names.index("chassis"), names.index(link)
     rows = {step: (_pose(row, chassis), _pose(row, thing)) for step, row in poses}
     steps = [step for step in rows if step <= touched]
     later = [step for step in rows if step <= touched + _AFTER / STEP_S]
     known = _seen(rows, steps) + _LOOK / STEP_S
     for step in (step for step in reversed(steps) if step >= known):
         stands = _standing(rows[step][0], speeds.get(step, 0.0))
-        if all(gap(stands, rows[n][1], body) > _APART for n in later if n >= step):
+        if all(gap(stands, rows[n][1], link) > _APART for n in later if n >= step):
             return step
     return None
 

@@ -45,6 +45,7 @@ _SAME_FORCE, _SAME_GAP = 0.051, 2e-3
 """Largest differences between what is reported and what is in the log [N, m]."""
 
 _SOLD = re.compile(r"^1 +(\w+) +\d+ +(?:-|[\d.]+ mm) +([\d.]+) mm", re.MULTILINE)
+_AFTER = re.compile(r"from its spot after ([\d.]+) s")
 _MOVED = re.compile(r"\b(\w+) was moved by ([\d.]+) mm")
 _GROUND = ("floor",)
 _ROLLING = ("left_wheel_link", "right_wheel_link", "front_caster", "back_caster")
@@ -71,6 +72,12 @@ class SaleLog:
         """Return the last message of a topic; empty: there is none."""
         rows = self.messages.get(topic)
         return rows[-1][1] if rows else {}
+
+    @property
+    def sold_after(self) -> float:
+        """Return how long the only sale took until the item was placed [s]; 0: it is not."""
+        times = [float(row) for text in self.texts() for row in _AFTER.findall(text)]
+        return times[0] if times else 0.0
 
     def texts(self) -> Iterator[str]:
         """Yield every sentence of mission and controller."""
@@ -109,6 +116,7 @@ class Excuses:
     """
 
     overlaps: float = math.inf
+    ran_into: list[str] = field(default_factory=list)
     hits: dict[str, range] = field(default_factory=dict)
     texts: list[str] = field(default_factory=list)
 
@@ -135,10 +143,11 @@ def excuses(log: SaleLog, script: Sequence[Mapping[str, Any]]) -> Excuses:
             excused.texts.append(f"{others[0]} appeared {gap * 1e3:.0f} mm from the robot")
             if gap <= 0.0:
                 excused.overlaps = min(excused.overlaps, step)
-    for body, (step, when) in touched(log).items():
+    for link, (step, when) in touched(log).items():
         if when is None:
             excused.overlaps = min(excused.overlaps, step)
-            excused.texts.append(f"{body} ran into the base at step {step}")
+            excused.ran_into.append(link)
+            excused.texts.append(f"{link} ran into the base at step {step}")
     return excused
 
 
@@ -193,29 +202,26 @@ def _forces(log: SaleLog, excused: Excuses) -> Iterator[str]:
 
 
 def touched(log: SaleLog) -> dict[str, tuple[int, int | None]]:
-    """Return who or what in the way the robot touched: at which step first, when it had to brake.
+    """Return what was in the way and touched: at which step first, and when the base had to brake.
 
     None: to brake at its limit would not have avoided it.
     """
     first: dict[str, int] = {}
     for step, pair, _ in _robot_contacts(log):
-        for body in (log.bodies.get(link, "") for link in pair):
-            if body in IN_THE_WAY:
-                first.setdefault(body, step)
+        for link in IN_THE_WAY.keys() & set(pair):
+            first.setdefault(link, step)
     speeds = {step: row["vx"] for step, row in log.messages.get("plant/odometry", ())}
-    poses = log.messages.get("plant/poses", ())
-    rows = (
-        (body, step, avoidable(poses, speeds, log.bodies, body, step))
-        for body, step in first.items()
-    )
-    return {body: (step, when) for body, step, when in rows}
+    poses, names = log.messages.get("plant/poses", ()), log.names.get("plant/poses", [])
+    return {
+        link: (step, avoidable(poses, speeds, names, link, step)) for link, step in first.items()
+    }
 
 
 def _hits(log: SaleLog, excused: Excuses) -> Iterator[str]:
     """Check that the base is touched only by what braking at its limit would not have avoided."""
-    for body, (step, when) in touched(log).items():
-        if when is not None and step < excused.overlaps:
-            yield f"{body} is touched at step {step}; braking at step {when} would have avoided it"
+    for link, (step, when) in touched(log).items():
+        if when is not None and not excused.covers([link], step):
+            yield f"{link} is touched at step {step}; braking at step {when} would have avoided it"
 
 
 def _motion(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from .cases import Case, cases
 from .judge import decoded, excuses, judge, largest_force
 
 __all__ = ["cases"]
-WHOLE = 64
+WHOLE = 76
 _LONGEST_S = 1200.0
 _PATIENCE = {"spawn_timeout": 120, "join_timeout": 60, "ready_timeout": 120, "step_timeout": 60}
 """Of every participant, so that the verdict does not depend on how fast the machine is [s]."""
@@ -34,9 +35,17 @@ def test_sale_keeps_its_promises(
     recorded = log_reader.read(out / "run.mcap")
     log = decoded(recorded)
     excused = excuses(log, case.script)
+    record_property("family", case.family)
     record_property("exit code", done.returncode)
+    record_property("sold", done.returncode == 0)
+    record_property("seconds", log.sold_after)
     record_property("largest force [N]", largest_force(log))
     record_property("unavoidable", excused.texts)
+    record_property("hit", bool(excused.ran_into))
+    if case.family.startswith("a post") and log.sold_after:
+        sell(replace(case, script=[]), tmp_path / "undisturbed")
+        alone = decoded(log_reader.read(tmp_path / "undisturbed" / "run.mcap"))
+        record_property("of undisturbed", log.sold_after / alone.sold_after)
     broken = judge(log, result, case.killed, excused) + recorded.holes()
     if "Traceback (most recent call last)" in said:
         broken.append("a traceback is printed")

@@ -6,8 +6,9 @@ from unittest.mock import Mock
 import msgpack
 import pytest
 from campaign.log_reader import parse
+from campaign.store.braking import STEP_S
 from campaign.store.cases import cases
-from campaign.store.judge import SaleLog, decoded, excuses, judge, largest_force
+from campaign.store.judge import SaleLog, decoded, excuses, judge, largest_force, touched
 from campaign.store.test_sales import sell
 from mcap.writer import Writer
 
@@ -107,10 +108,12 @@ def test_who_was_killed_is_to_be_named():
 
 
 def test_the_cases_of_a_seed_are_the_same_each_time_and_have_every_family():
-    rows = cases(3, 64)
-    assert list(map(str, rows)) == list(map(str, cases(3, 64)))
-    assert len({case.family for case in rows}) == 15
-    assert sum(case.scenario == "store" for case in rows) == 18
+    rows = cases(3, 190)
+    assert list(map(str, rows)) == list(map(str, cases(3, 190)))
+    assert len({case.family for case in rows}) == 19
+    assert sum(case.scenario == "store" for case in rows) == 45
+    jams = {case.script[0]["jam"] for case in rows if case.family == "jammed joint"}
+    assert len(jams) == 10
     assert {word for case in rows for word in case.arguments()} >= {"--fault", "--in-process"}
 
 
@@ -140,16 +143,56 @@ def test_a_camera_is_given_time_to_start_its_world_model(monkeypatch, tmp_path):
 
     monkeypatch.setattr("campaign.store.test_sales.subprocess.run", run)
     rows = {case.family: case for case in cases(1, 20)}
-    for family in ("people", "blocked camera"):
+    for family in ("somebody crosses", "blocked camera"):
         sell(rows[family], tmp_path)
     timed = [sum("world.spawn_timeout" in word for word in command) for command in commands]
     assert timed == [0, 1]
+
+
+def meeting(speed, *, starts=0, walks=0.0, far=1.0):
+    """Return the log of a base and a crate that touch; both come closer along x [m/s, m].
+
+    The crate is put there, or starts to walk, at a step.
+    """
+    found = SaleLog()
+    found.names = {"plant/contacts": ["chassis"], "plant/poses": ["chassis", "crate_box"]}
+    turned = [[0.0, 0.0, 0.0, 1.0]] * 2
+    for step in range(300):
+        base = speed * STEP_S * step
+        crate = far - walks * STEP_S * max(step - starts, 0) if step >= starts or walks else -9.0
+        poses = {"position": [[base, 0.0, 0.0], [crate, 0.0, 0.0]], "orientation": turned}
+        found.messages["plant/poses"].append((step, poses))
+        found.messages["plant/odometry"].append((step, {"vx": speed}))
+        force = 90.0 if -9.0 < crate - base <= 0.31 + 0.15 else 0.0
+        touch = {"pairs": [["chassis", "crate_box"]], "peak_force": [force], "distance": [0.5]}
+        found.messages["plant/contacts"].append((step, touch))
+    return found
+
+
+def test_what_braking_would_have_avoided_is_told_from_what_it_would_not():
+    # A base that drives on towards what it has seen for long enough.
+    ((step, when),) = touched(meeting(0.5)).values()
+    assert step == 68
+    # It stops within 51 mm, at 4 m/s² and 0.04 s after it has decided to.
+    assert when == 60
+    assert "braking at step 60 would have avoided it" in " ".join(judge(meeting(0.5), SOLD))
+    # What appears 60 mm before it, and somebody who walks into a base that stands.
+    for found in (meeting(0.5, starts=60), meeting(0.0, walks=0.8)):
+        ((step, when),) = touched(found).values()
+        assert when is None
+        excused = excuses(found, [])
+        assert excused.ran_into == ["crate_box"]
+        assert excused.overlaps == step
 
 
 def appearing(gap, *, pair=("chassis", "crate_box"), force=300.0, later=3):
     """Return the log of a crate that is put down before step 2, and hit `later` on; gap: [m]."""
     found = log(texts=(TABLE,))
     found.bodies = {"crate_box": "crate", "chassis": "robot"}
+    found.names["plant/poses"] = list(pair)
+    places = [(0.0, 0.0, 0.0), (9.0, 0.0, 0.0)], [(0.0, 0.0, 0.0, 1.0)] * 2
+    apart = dict(zip(("position", "orientation"), places, strict=True))
+    found.messages["plant/poses"] = [(step, apart) for step in range(-100, 80)]
     near = {"pairs": [list(pair)], "peak_force": [0.0], "distance": [gap]}
     hit = {"pairs": [list(pair)], "peak_force": [force], "distance": [0.0]}
     far = {"pairs": [list(pair)], "peak_force": [0.0], "distance": [0.149]}
