@@ -16,13 +16,14 @@ _STRAIGHT = 1e-9
 class Agility:
     """Largest speed [m/s], turning speed [rad/s], acceleration [m/s²] and turning one [rad/s²].
 
-    last: speed at the end of a curve [m/s].
+    twist: largest jerk of a turn [rad/s³]. last: speed at the end of a curve [m/s].
     """
 
     speed: float
     turning: float
     push: float
     swing: float
+    twist: float
     last: float = 0.0
 
     def pushes(self, curvature: Vector) -> Vector:
@@ -36,11 +37,13 @@ class Agility:
         each [m, 1/m].
         """
         steps = np.diff(along)
-        rates = np.abs(np.diff(curvature)) / steps
-        rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
-        bends = np.maximum(np.abs(curvature), _STRAIGHT)
-        fastest = np.minimum(self.speed, self.turning / bends)
-        squares = np.minimum(fastest**2, self.swing / np.maximum(rates, _STRAIGHT))
+        rates = np.diff(curvature) / steps
+        # With it, curvature, its change and the change of that turn the base: ω, ω' and ω''.
+        jolts = np.pad(2.0 * np.abs(np.diff(rates)) / (steps[1:] + steps[:-1]), 1)
+        rates = np.maximum(*(np.pad(np.abs(rates), pad) for pad in ((0, 1), (1, 0))))
+        bends, rates, jolts = (np.maximum(np.abs(r), _STRAIGHT) for r in (curvature, rates, jolts))
+        fastest = np.minimum(self.turning / bends, np.cbrt(self.twist / jolts))
+        squares = np.minimum(np.minimum(fastest, self.speed) ** 2, self.swing / rates)
         squares[-1] = min(self.last**2, squares[-1])
         pushes = self.pushes(curvature)
         # What it gains on its way from place to place.

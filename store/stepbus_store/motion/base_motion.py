@@ -282,7 +282,7 @@ class BaseMotion:
         segment, params = drive.segment, self._params
         hard = braking(params, turns=segment.turns)
         s, speed, push = self._commanded(drive) if drive.brakes else drive.now()
-        limits = limits_of(params, segment, s, speed)
+        limits = limits_of(params, segment, s, speed, push)
         curvature, share = segment.curvature(s), GENTLE if gap < params.contact_range else 1.0
         safe, gentle = (
             safe_speed(params, room, turns=segment.turns, curvature=curvature)
@@ -455,7 +455,7 @@ class BaseMotion:
             return
         # What brakes already goes on with that.
         brakes = hard or drive.brakes
-        limits = limits_of(self._params, drive.segment, *drive.now()[:2])
+        limits = limits_of(self._params, drive.segment, *drive.now())
         if brakes:
             limits = braking(self._params, turns=drive.segment.turns)
         profile = stop_from(drive.profile.at(drive.tau), limits)

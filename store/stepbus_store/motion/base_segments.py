@@ -21,9 +21,6 @@ LEAST_ARC = 1e-3
 _NO_LENGTH = 1e-9
 """Length of a segment that is none [m, rad]."""
 
-_DENSE = 0.02
-"""Distance of the places at which a curve knows its largest speed [m]."""
-
 _BESIDE = 3e-3
 """How far beside an arc its end may be [m]."""
 
@@ -87,10 +84,9 @@ class Curve:
         self._curvature = turn / arcs
         self._ends = np.abs(self._s)
         # From the middle of an arc to that of the next one the curvature changes evenly.
-        middles, length = (self._ends[:-1] + self._ends[1:]) / 2, self._ends[-1]
-        even = np.linspace(0.0, length, math.ceil(length / _DENSE) + 1)
-        self._places = np.union1d(middles, even)
-        self._bends = np.interp(self._places, middles, self._curvature)
+        middles, ends, bends = (self._ends[:-1] + self._ends[1:]) / 2, self._ends, self._curvature
+        self._places = np.concatenate([ends[:1], middles, ends[-1:]])
+        self._bends = np.concatenate([bends[:1], bends, bends[-1:]])
         self._speeds: Vector | None = None
         self.length = float(self._s[-1])
 
@@ -102,7 +98,8 @@ class Curve:
         if self._speeds is None:
             self._speeds = agility.speeds(self._places, self._bends)
             self._pushes = agility.pushes(self._bends)
-        at, speed = abs(s), float(np.interp(abs(s) + lead, self._places, self._speeds))
+        at = abs(s)
+        speed = float(np.interp([at, at + lead], self._places, self._speeds).min())
         stop = speed**2 / (2.0 * agility.push) + lead
         # It comes to rest with an acceleration that the whole rest of the curve allows.
         until = at + (lead if at + stop < self._ends[-1] else stop)

@@ -32,14 +32,16 @@ _HALF_WIDTH = 0.3
 """Of the robot [m]."""
 
 
-_SLOWS = 0.85
+_SLOWS = 0.8
 """Share of that acceleration with which it slows down before a bend: that and the bend turn it."""
 
 
-def limits_of(params: Params, segment: Segment, s: float = 0.0, speed: float = 0.0) -> MotionLimits:
+def limits_of(
+    params: Params, segment: Segment, s: float = 0.0, speed: float = 0.0, pushed: float = 0.0
+) -> MotionLimits:
     """Return the limits along a segment after s of it, shape (1,); on a curve the base also turns.
 
-    speed: that the base has there [m/s].
+    speed, pushed: speed and acceleration that the base has there [m/s, m/s²].
     """
     swing, twist = PLANNED * params.base_turn_acceleration, _PLANNED_JERK * params.base_turn_jerk
     if isinstance(segment, Turn):
@@ -50,10 +52,12 @@ def limits_of(params: Params, segment: Segment, s: float = 0.0, speed: float = 0
         turning=_ON_CURVES * params.base_turn_speed,
         push=_SLOWS * push,
         swing=_SLOWS * swing,
+        twist=_SLOWS * twist,
         last=math.inf,
     )
-    # Half of the way in which that acceleration builds up.
-    lead = abs(speed) * agility.push / jerk / 2.0
+    # The way until it slows down like that: (a + a_s)² / (2 j a_s) long.
+    turned = max(math.copysign(pushed, pushed * speed) + agility.push, 0.0)
+    lead = abs(speed) * turned**2 / (2.0 * jerk * agility.push)
     fastest, slows = segment.limits(s, lead, agility)
     share = slows / agility.push
     return MotionLimits.of_one(max(fastest, _CREEP), share * push, share * jerk)

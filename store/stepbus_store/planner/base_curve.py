@@ -138,6 +138,7 @@ def _agility(params: Params) -> Agility:
         turning=params.base_turn_speed,
         push=params.base_acceleration,
         swing=params.base_turn_acceleration,
+        twist=params.base_turn_jerk,
     )
 
 
@@ -179,18 +180,19 @@ def _quintic(t: Vector, a: Vector, out: Vector, b: Vector, into: Vector) -> Vect
 
 def _smoothed(corners: Sequence[Vector], width: float) -> Vector:
     """Return points along corners, each the mean of what is that near along the way [m]."""
-    count = round(width / _FINE)
+    count = round(width / _FINE * 2 / 3)
     first, last = ((b - a) / np.linalg.norm(b - a) * width for a, b in (corners[:2], corners[-2:]))
     ends = np.array([corners[0] - first, *corners, corners[-1] + last])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ends, axis=0), axis=1))])
     s = np.arange(0.0, along[-1] + _FINE / 2, _FINE)
     dense = np.stack([np.interp(s, along, ends[:, n]) for n in (0, 1)], axis=1)
-    kernel = np.convolve(np.ones(count), np.ones(count)) / count**2
+    once = np.ones(count) / count
+    kernel = np.convolve(np.convolve(once, once), once)
     rows = np.stack([np.convolve(dense[:, n], kernel, "valid") for n in (0, 1)], axis=1)
     # A corner near an end moves that; it goes back smoothly, over twice that width.
     for way, end in ((rows, corners[0]), (rows[::-1], corners[-1])):
         near = np.maximum(1.0 - np.arange(len(rows)) * _FINE / (2.0 * width), 0.0)
-        way[:] += (near**2 * (3.0 - 2.0 * near))[:, None] * (end - way[0])
+        way[:] += (near**3 * (10.0 - 15.0 * near + 6.0 * near**2))[:, None] * (end - way[0])
     return _apart(rows)
 
 

@@ -46,6 +46,12 @@ _EXITS = 3
 _ENOUGH = 3
 """Routes around something after which no more are looked for."""
 
+_AT_CORNER = 4.0
+"""About how long a leg takes at whose end the base stops and turns [s]."""
+
+_WAITS = 3.0
+"""For that much time the base rather waits for somebody who has just stopped to go on [s]."""
+
 _ASIDE = (0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """How far the base drives, or drives back, to give way [m]."""
 
@@ -88,14 +94,14 @@ class BasePlanner:
     ) -> Plan:
         """Return the poses of a route in the frame of the request, or why there is none.
 
-        seen: what is on no map. Where there would be a route without those of it that walk, or have
-        just stopped, the cause is `occupied`; may_give_way: or the route leads aside first, where
-        it is not safe to wait.
+        seen: what is on no map. Where there would be a route, or a much faster one, without those
+        of it that walk, or have just stopped, the cause is `occupied`; may_give_way: or the route
+        leads aside first, where it is not safe to wait.
         """
         seen = Walkers() if seen is None else seen
         posts = [*mapped, *seen.standing]
-        plan = self._plan(request, [*posts, *seen.pausing])
-        if plan.cause and seen.pausing and not self._plan(request, posts).cause:
+        plan, seconds = self._plan(request, [*posts, *seen.pausing])
+        if seen.pausing and seconds > self._plan(request, posts)[1] + _WAITS:
             plan = Plan(id=plan.id, cause=Cause.OCCUPIED, text=plan.text)
         if not seen.walking or plan.cause not in {"", Cause.OCCUPIED}:
             return plan
@@ -125,26 +131,27 @@ class BasePlanner:
         ]
         # To plan a way on from each of them takes too long.
         for safety, place in sorted(ways, key=lambda way: -way[0])[:2]:
-            plan = self._plan(replace(request, base=(place, goal)), outlines)
+            plan, _ = self._plan(replace(request, base=(place, goal)), outlines)
             if not plan.cause:
                 text = f"gives way {math.dist(start[:2], place[:2]):g} m, then {plan.text}"
                 yield safety, replace(plan, text=text, route=[place, *plan.route])
 
-    def _plan(self, request: PlanRequest, outlines: Sequence[Outline]) -> Plan:
+    def _plan(self, request: PlanRequest, outlines: Sequence[Outline]) -> tuple[Plan, float]:
+        """Return a plan, and how long its route takes; infinity: there is none [s]."""
         start, goal = _ends(request)
         a, b = np.array(start[:2]), np.array(goal[:2])
         near, gap = _nearest(outlines, b)
         if gap < self._radius:
             text = f"{near} is {gap:.2f} m from the goal; the base needs {self._radius:g} m to turn"
-            return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text)
+            return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text), math.inf
         if request.held and (near := self._in_hand(goal, outlines)):
             text = f"{near} is less than {_HELD:g} m from what the hand holds at the goal"
-            return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text)
+            return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text), math.inf
         out = self._escape(start, outlines)
         if out is None:
             near, gap = _nearest(outlines, a)
             text = f"{near} is {gap:.2f} m from the base, which cannot leave straight"
-            return Plan(id=request.id, cause=Cause.START_IN_COLLISION, text=text)
+            return Plan(id=request.id, cause=Cause.START_IN_COLLISION, text=text), math.inf
         # What is held out needs room where the base turns; with less of it, it drives back first.
         exits = islice(self._exits(out, start[2], outlines), _EXITS) if request.held else ()
         route: SmoothRoute | None = None
@@ -160,11 +167,10 @@ class BasePlanner:
             fastest, route, shape, leaves = seconds, way, text, far
         if route is None:
             text = f"no path for the base within {_AROUND:g} m around start and goal"
-            return Plan(id=request.id, cause=Cause.NO_PATH, text=text)
+            return Plan(id=request.id, cause=Cause.NO_PATH, text=text), math.inf
         text = f"base: {shape}, {route.length + leaves:.2f} m, {len(outlines)} obstacles"
-        return Plan(
-            id=request.id, text=text, route=list(route.poses if leaves else route.poses[1:])
-        )
+        poses = list(route.poses if leaves else route.poses[1:])
+        return Plan(id=request.id, text=text, route=poses), fastest
 
     def _exits(self, at: Vector, yaw: float, outlines: Sequence[Outline]) -> Iterator[Vector]:
         """Yield the point where the base may turn, and points straight behind and before it."""
@@ -207,7 +213,8 @@ class BasePlanner:
         if corners is None or held:
             return None, ""
         rows = [(float(p[0]), float(p[1]), goal[2]) for p in corners[1:]]
-        return SmoothRoute(poses=(start, *rows), seconds=0.0), _detour(corners)
+        seconds = _AT_CORNER * len(rows)
+        return SmoothRoute(poses=(start, *rows), seconds=seconds), _detour(corners)
 
     def _is_clear(self, route: SmoothRoute, outlines: Sequence[Outline], *, held: bool) -> bool:
         """Return whether the base may drive along a route; where it turns, its disc counts."""

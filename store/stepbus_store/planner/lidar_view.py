@@ -32,6 +32,13 @@ _LATER = 0.05
 _TOLERANCE = 0.06
 """By which less room than planned what was there may leave [m]."""
 
+_SURE = 6
+"""Looks in a row that see through where something was, until it has gone."""
+
+_DETOUR, _BEYOND = 0.7, 0.1
+"""How much longer than straight a way is that is worth a new one, and how far beyond a place a ray
+has to go that sees through it [m]."""
+
 SEEN = "something that the lidar sees"
 
 
@@ -44,6 +51,7 @@ class LidarView:
     def __init__(self, mounts: Mapping[str, Point]) -> None:
         self._mounts = mounts
         self._things: dict[str, list[tuple[Vector, Vector]]] = {}
+        self._rays: dict[str, tuple[Vector, float, LaserScan]] = {}
 
     def take(self, port: str, scan: LaserScan, base: BaseState) -> None:
         """Take a scan, and where the base was [m, rad]."""
@@ -51,7 +59,9 @@ class LidarView:
         cos, sin = math.cos(base.yaw), math.sin(base.yaw)
         at = np.array([base.x + cos * x - sin * y, base.y + sin * x + cos * y])
         ranges = np.array(scan.ranges)
-        angles = base.yaw + yaw + scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+        first = base.yaw + yaw + scan.angle_min
+        self._rays[port] = at, first, scan
+        angles = first + scan.angle_increment * np.arange(len(ranges))
         away = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._things[port] = list(_things(at, ranges, away))
 
@@ -60,6 +70,16 @@ class LidarView:
         view = LidarView(self._mounts)
         view._things = dict(self._things)
         return view
+
+    def sees_through(self, place: Vector) -> bool:
+        """Return whether some ray goes on beyond a place, shape (2,) [m]."""
+        for at, first, scan in self._rays.values():
+            dx, dy = (place - at).tolist()
+            turn = (math.atan2(dy, dx) - first) % math.tau
+            number = round(turn / scan.angle_increment)
+            if number < len(scan.ranges) and scan.ranges[number] > math.hypot(dx, dy) + _BEYOND:
+                return True
+        return False
 
     def things(self, mapped: Sequence[Outline]) -> list[Outline]:
         """Return outlines of all that is seen and not on the map."""
@@ -104,7 +124,7 @@ class RouteMonitor:
         self.request_id = request_id
         self._known, self._params = known, params
         self._places = places_along(route)
-        self._next = 0
+        self._next = self._gone = 0
 
     def check(self, seen: Walkers, base: BaseState) -> str:
         """Return a sentence about what is in the way of the rest of the route; empty: nothing.
@@ -134,3 +154,12 @@ class RouteMonitor:
                 far = float(np.linalg.norm(ahead[gaps.argmin(), :2] - here))
                 return f"{thing.link} is {gaps.min():.2f} m from the route, {far:.1f} m ahead"
         return ""
+
+    def is_over(self, view: LidarView) -> bool:
+        """Return whether the route is a detour around something that has gone."""
+        ahead = self._places[self._next :, :2]
+        straight = float(np.linalg.norm(ahead[-1] - ahead[0]))
+        is_detour = STRIDE * (len(ahead) - 1) > straight + _DETOUR
+        gone = any(view.sees_through(row.corners.mean(axis=0)) for row in self._known)
+        self._gone = self._gone + 1 if is_detour and gone else 0
+        return self._gone >= _SURE

@@ -49,6 +49,8 @@ class Params(Settings):
     """Speed of the base when turning on the spot [rad/s]."""
     base_turn_acceleration: Positive = 0.8
     """[rad/s²]"""
+    base_turn_jerk: Positive = 4.0
+    """[rad/s³]"""
     velocity_limit: PositivePerJoint = each(1.5)
     """Largest velocity of each joint, never above the URDF's [rad/s]."""
     acceleration_limit: PositivePerJoint = each(3.0)

@@ -265,6 +265,8 @@ class Planner(Remembering):
         """Report something that comes into the way of the base."""
         base = step.read(self._odometry_port or "", BaseState)
         text = route.check(self._seen, base)
+        if not text and route.is_over(self._view):
+            text = "what it drives around has gone"
         if text:
             self._route = None
             self._publish(messages, Plan(id=route.request_id, cause=Cause.BLOCKED, text=text))

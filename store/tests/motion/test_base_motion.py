@@ -5,13 +5,17 @@ import math
 import random
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stepbus_schemas import BaseState, Goal
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.mobile import Params
 from stepbus_store.motion.outcome import Refused
+from stepbus_store.planner.base_curve import rounded_routes
+from stepbus_store.planner.params import Params as PlannerParams
 
+PLANS = PlannerParams(model=Path(), joints=())
 DT = 0.008
 TRACK = 0.5
 
@@ -292,6 +296,28 @@ def test_commands_keep_the_limits_of_the_base_on_any_curve(noise, curvature):
     assert keeps_limits(base.turns, 0.8, 4.0)
     assert max(map(abs, base.speeds)) <= 0.5 * 1.02
     assert max(map(abs, base.turns)) <= 0.8 * 1.02
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_detour_is_driven_as_fast_as_it_bends_and_keeps_the_limits(seed):
+    chance = random.Random(seed)
+    corners = [(0.0, 0.0)]
+    for _ in range(chance.choice([1, 2])):
+        corners.append((corners[-1][0] + chance.uniform(0.3, 0.6), chance.uniform(-0.6, 0.6)))
+    corners.append((1.7, chance.uniform(-0.4, 0.4)))
+    found = list(rounded_routes((0, 0, 0), (*corners[-1], 0), list(map(np.array, corners)), PLANS))
+    best = min(found, key=lambda route: route.seconds)
+    base = DiffDrive()
+    base.motion.start(Goal(id=0, type="go_to", base=best.poses[-1]), base.state(), best.poses[1:])
+    assert base.wait().state == "succeeded"
+    assert keeps_limits(base.speeds, 0.4, 2.0)
+    assert keeps_limits(base.turns, 0.8, 4.0)
+    route = np.array(best.poses)[:, :2]
+    off = [np.linalg.norm(route - place[:2], axis=1).min() for place in base.path]
+    # Two poses of the route are 50 mm apart.
+    assert max(off) < 0.03
+    # The planner's estimate leaves out the jerk.
+    assert base.t < 1.15 * best.seconds
 
 
 def test_a_base_goes_gently_after_what_it_has_lost():
