@@ -81,7 +81,7 @@ def rounded_routes(
 
     corners: from start to goal, each of shape (2,) [m].
     """
-    for width in _WIDTHS:
+    for width in _WIDTHS if corners else ():
         points = _smoothed(corners, width)
         for back in (False, True):
             flip = math.pi if back else 0.0

@@ -43,6 +43,13 @@ _ROOM = (0.12, 0.06, 0.03, 0.0)
 _EXITS = 3
 """Places from which a base that holds something looks for a route."""
 
+_FOLDS = 1.0
+"""About how long the arm takes to draw in what it holds [s]."""
+
+_NEAR, _APART = 2.0, 0.06
+"""About how long it takes to slow down beside something [s] that is not that much farther away than
+it has to be [m]."""
+
 _ENOUGH = 3
 """Routes around something after which no more are looked for."""
 
@@ -69,15 +76,23 @@ _SAME = 1e-3
 class BasePlanner:
     """Plans for a disc around the base's origin, within which it may turn anywhere.
 
-    extra: by how much more than the parameters want the base keeps away [m]. Curves straight to the
+    extra: by how much more than the parameters want the base keeps away [m], as far as it can at
+    both ends, shape (2,) each. Curves straight to the
     goal where one is free; else by A* on a grid (Hart, Nilsson, Raphael 1968), whose corners are
     then cut and rounded.
     """
 
-    def __init__(self, obstacles: Obstacles, params: Params, extra: float = 0.0) -> None:
+    def __init__(
+        self, obstacles: Obstacles, params: Params, extra: float = 0.0, ends: Sequence[Vector] = ()
+    ) -> None:
         self._obstacles, self._params = obstacles, params
-        self._radius = params.base_radius + extra
-        self._half_width = params.base_half_width + extra
+        self._radius, self._half_width = params.base_radius, params.base_half_width
+        self._extra, self._ends = extra, ends
+
+    def _more(self, row: Outline) -> float:
+        """Return by how much more than it has to be the base stays away from something [m]."""
+        most = min((_distance(end, row) for end in self._ends), default=math.inf) - self._radius
+        return min(self._extra, max(most, 0.0))
 
     def mapped(self, request: PlanRequest, poses: Poses) -> list[Outline]:
         """Return the outlines of what the map has, in the frame of the request."""
@@ -191,25 +206,21 @@ class BasePlanner:
         for route in direct_routes(start, goal, self._params):
             if self._is_clear(route, outlines, held=held):
                 return route, "direct"
-        a, b = np.array(start[:2]), np.array(goal[:2])
         found: list[tuple[float, SmoothRoute, str]] = []
-        corners: list[Vector] | None = None
+        ends, corners = (np.array(start[:2]), np.array(goal[:2])), None
+        apart = BasePlanner(self._obstacles, self._params, _APART, ends)
         for extra in _ROOM:
             if len(found) > _ENOUGH:
                 break
             # Corners that keep some distance can be cut.
-            wide = BasePlanner(self._obstacles, self._params, extra)
-            if (around := wide._route(a, b, outlines)) is None:
-                continue
-            corners = around
-            found += [
-                (route.seconds, route, _detour(around))
-                for route in rounded_routes(start, goal, around, self._params)
-                if self._is_clear(route, outlines, held=held)
-            ]
+            wide = BasePlanner(self._obstacles, self._params, extra, ends)
+            corners = wide._route(*ends, outlines) or corners
+            for route in rounded_routes(start, goal, corners or (), self._params):
+                if self._is_clear(route, outlines, held=held):
+                    slows = not apart._is_clear(route, outlines, held=False)
+                    found.append((route.seconds + _NEAR * slows, route, _detour(corners or ())))
         if found:
-            _, route, text = min(found, key=lambda row: row[0])
-            return route, text
+            return min(found, key=lambda row: row[0])[1:]
         if corners is None or held:
             return None, ""
         rows = [(float(p[0]), float(p[1]), goal[2]) for p in corners[1:]]
@@ -222,7 +233,10 @@ class BasePlanner:
         turns = np.abs(np.diff(poses[:, 2])) > _STRAIGHT
         turning = np.concatenate([turns[:1], turns[1:] | turns[:-1], turns[-1:]])
         needed = np.where(turning, self._radius, self._half_width)
-        is_clear = all((distances(poses[:, :2], row.corners) >= needed).all() for row in outlines)
+        is_clear = all(
+            (distances(poses[:, :2], row.corners) >= needed + self._more(row)).all()
+            for row in outlines
+        )
         return is_clear and not (held and self._hits(route, outlines))
 
     def _hits(self, route: SmoothRoute, outlines: Sequence[Outline]) -> bool:
@@ -289,8 +303,8 @@ class BasePlanner:
         count = math.ceil(float(np.linalg.norm(b - a)) / _ALONG)
         line = np.linspace(a, b, count + 1)
         return all(
-            (distances(line, row.corners) >= self._half_width).all()
-            and _distance(b, row) >= self._radius
+            (distances(line, row.corners) >= self._half_width + self._more(row)).all()
+            and _distance(b, row) >= self._radius + self._more(row)
             for row in outlines
         )
 
@@ -310,7 +324,7 @@ class BasePlanner:
         cells = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
         free = np.full(len(cells), True)
         for row in outlines:
-            free &= distances(cells, row.corners) >= self._radius
+            free &= distances(cells, row.corners) >= self._radius + self._more(row)
         grid = free.reshape(size)
         first, last = (tuple(np.rint((p - low) / _CELL).astype(int).tolist()) for p in (a, b))
         grid[first] = grid[last] = True
@@ -327,8 +341,11 @@ def _ends(request: PlanRequest) -> tuple[Point, Point]:
 
 
 def _leaving(far: float, params: Params) -> float:
-    """Return how long the base takes to drive straight before its route [s]."""
-    return 2.0 * math.sqrt(far / params.base_acceleration)
+    """Return how much longer the base takes that drives straight before its route [s].
+
+    Meanwhile the arm is drawn in, which has to be done before it turns.
+    """
+    return max(2.0 * math.sqrt(far / params.base_acceleration) - _FOLDS, 0.0)
 
 
 def _detour(corners: Sequence[Vector]) -> str:

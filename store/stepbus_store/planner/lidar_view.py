@@ -17,7 +17,7 @@ _MAPPED = 0.12
 _APART = 0.15
 """Neighbours farther apart belong to two things [m]."""
 
-_DEPTH = 0.2
+_DEPTH = 0.3
 """How far what is seen reaches back from the face that the lidar sees, if it is that wide [m]."""
 
 _FEWEST = 2
