@@ -23,7 +23,7 @@ help:
 	@echo "make robots     install stepbus-store, with the robots of store and baxter (414 MB)"
 	@echo "make robots-page load robots of other packages and make the page of their numbers (200 MB; 15 min)"
 	@echo "make simulate   simulate 10,000 runs with random faults (4 min)"
-	@echo "make campaign   judge real runs with 40 external faults, and 64 sales (30 min)"
+	@echo "make campaign   judge real runs with 40 external faults, and 80 sales (30 min)"
 	@echo "make release-check try the release as its users will: build, install, run (20 min)"
 	@echo "make lint-workflows check the GitHub workflows and the citation (part of check)"
 	@echo "make bench      measure steps/s and CPU time, compared with HELICS, mosaik and hand-written chains"
@@ -81,7 +81,7 @@ nightly: setup robots
 	@$(MAKE) --no-print-directory examples
 	@$(MAKE) --no-print-directory simulate SIMULATE='--runs 10000 --seed 3'
 	@$(MAKE) --no-print-directory campaign PART=campaign/test_runs.py CAMPAIGN='--seed=3 --count=30 --patience=2.5'
-	@$(MAKE) --no-print-directory campaign PART=campaign/store CAMPAIGN='--seed=3 --count=15'
+	@$(MAKE) --no-print-directory campaign PART=campaign/store CAMPAIGN='--seed=3 --count=20'
 	@$(MAKE) --no-print-directory test-slow FRESH_EXAMPLES=
 
 chaos: setup

@@ -39,6 +39,7 @@ class Case:
     order: str = "cola"
     script: Sequence[Action] = field(default_factory=list)
     fault: str = ""
+    engine: str = "pybullet"
 
     @property
     def killed(self) -> str:
@@ -56,6 +57,7 @@ class Case:
         """Return the arguments of `stepbus run`."""
         words = [
             self.scenario,
+            *("--set", f"plant.params.engine={self.engine}"),
             *("--set", f"plant.params.stock.seed={self.seed}"),
             *("--set", f"mission.params.orders=[{self.order}]"),
             # What is JSON is YAML.
@@ -192,6 +194,11 @@ def _lost(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     return {"fault": f"drop {who} at {chance.randrange(20, 800)}"}
 
 
+def _nothing(_: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
+    """Leave the robot alone, with either engine in turn."""
+    return {"engine": ("pybullet", "mujoco")[common["round"] % 2]}
+
+
 FAMILIES: Mapping[str, Callable[[random.Random, Mapping[str, Any]], dict[str, Any]]] = {
     "a post on the way out": obstacles.post_out,
     "a post on the way home": obstacles.post_home,
@@ -212,4 +219,5 @@ FAMILIES: Mapping[str, Callable[[random.Random, Mapping[str, Any]], dict[str, An
     "posts at the outlet": _outlet_posts,
     "emergency stop": _stop,
     "lost message": _lost,
+    "undisturbed": _nothing,
 }

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-_AIMS = {"a post": 22 / 24, "somebody": 12 / 16}
+_AIMS = {"a post": 22 / 24, "somebody": 12 / 16, "undisturbed": 39 / 40}
 """Shares of the sales that are to be sold, by how their families' names begin."""
 
 _COLUMNS = (

@@ -16,7 +16,7 @@ from .cases import Case, cases
 from .judge import decoded, excuses, judge, largest_force
 
 __all__ = ["cases"]
-WHOLE = 76
+WHOLE = 80
 _LONGEST_S = 1200.0
 _PATIENCE = {"spawn_timeout": 120, "join_timeout": 60, "ready_timeout": 120, "step_timeout": 60}
 """Of every participant, so that the verdict does not depend on how fast the machine is [s]."""

@@ -108,10 +108,10 @@ def test_who_was_killed_is_to_be_named():
 
 
 def test_the_cases_of_a_seed_are_the_same_each_time_and_have_every_family():
-    rows = cases(3, 190)
-    assert list(map(str, rows)) == list(map(str, cases(3, 190)))
-    assert len({case.family for case in rows}) == 19
-    assert sum(case.scenario == "store" for case in rows) == 45
+    rows = cases(3, 200)
+    assert list(map(str, rows)) == list(map(str, cases(3, 200)))
+    assert len({case.family for case in rows}) == 20
+    assert sum(case.scenario == "store" for case in rows) == 47
     jams = {case.script[0]["jam"] for case in rows if case.family == "jammed joint"}
     assert len(jams) == 10
     assert {word for case in rows for word in case.arguments()} >= {"--fault", "--in-process"}
