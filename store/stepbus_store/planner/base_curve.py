@@ -24,7 +24,7 @@ _HANDLES = (0.35, 0.45, 0.55)
 _TURNS = (0.0, 0.5, 1.0)
 """Shares of the turn towards the goal that the base may make on the spot before it drives."""
 
-_WIDTHS = (0.45, 0.3, 0.15)
+_WIDTHS = (0.9, 0.6, 0.4, 0.2)
 """Lengths along corners that are averaged, the largest first [m]."""
 
 _FINE = 0.01

@@ -88,11 +88,14 @@ class BasePlanner:
         self._obstacles, self._params = obstacles, params
         self._radius, self._half_width = params.base_radius, params.base_half_width
         self._extra, self._ends = extra, ends
+        self._rooms: dict[int, float] = {}
 
     def _more(self, row: Outline) -> float:
         """Return by how much more than it has to be the base stays away from something [m]."""
-        most = min((_distance(end, row) for end in self._ends), default=math.inf) - self._radius
-        return min(self._extra, max(most, 0.0))
+        if self._extra and id(row) not in self._rooms:
+            most = min(_distance(end, row) for end in self._ends) - self._radius
+            self._rooms[id(row)] = min(self._extra, max(most, 0.0))
+        return self._rooms.get(id(row), 0.0)
 
     def mapped(self, request: PlanRequest, poses: Poses) -> list[Outline]:
         """Return the outlines of what the map has, in the frame of the request."""
