@@ -21,18 +21,14 @@ _AT_REST = 0.005
 
 def at_rest(store: StoreState) -> Outcome | None:
     """Wait until the arm is at rest and the base has been at rest for a while."""
-    visit, waits = store.visit, store.settings.waits
-    base = store.inputs.odometry
-    status = store.inputs.status
-    base_at_rest = max(abs(base.vx), abs(base.wz)) < _AT_REST
-    if not base_at_rest or status is None or status.state != "succeeded":
+    visit, waits, status = store.visit, store.settings.waits, store.inputs.status
+    if _moves(store) or status is None or status.state != "succeeded":
         visit.since_ns = None
     elif visit.since_ns is None:
         visit.since_ns = store.inputs.t_ns
     if visit.since_ns is not None and store.since(visit.since_ns) >= waits.rest:
-        store.rest = "everything is at rest"
-        if overturned(store) is not None:
-            store.rest = f"all motors are at rest; {_tilted(store)}"
+        tilted = f"all motors are at rest; {_tilted(store)}"
+        store.rest = tilted if overturned(store) else "everything is at rest"
         cause = store.problem.cause if store.problem is not None else ""
         recovers = store.settings.recover and cause not in (*_LOST, Cause.ARM_JAMMED, Cause.TILTED)
         return Outcome(name="recover" if recovers else "rest")
@@ -55,17 +51,20 @@ def _tilted(store: StoreState) -> str:
 
 def rest_of(store: StoreState) -> str:
     """Return whether the base is at rest, where nothing is commanded to the arm."""
+    is_restless = _moves(store) or overturned(store)
+    return f"not at rest, {_restless(store)}" if is_restless else "everything is at rest"
+
+
+def _moves(store: StoreState) -> bool:
     base = store.inputs.odometry
-    if max(abs(base.vx), abs(base.wz)) < _AT_REST and overturned(store) is None:
-        return "everything is at rest"
-    return f"not at rest, {_restless(store)}"
+    return max(abs(base.vx), abs(base.wz)) >= _AT_REST
 
 
 def _restless(store: StoreState) -> str:
     base, status = store.inputs.odometry, store.inputs.status
     if overturned(store) is not None:
         return _tilted(store)
-    if max(abs(base.vx), abs(base.wz)) >= _AT_REST:
+    if _moves(store):
         return f"the base moves at {base.vx:.3f} m/s and {base.wz:.3f} rad/s"
     if status is None:
         return NO_ANSWER
@@ -92,14 +91,15 @@ class Interruption:
         """Return whether an emergency stop is in force."""
         return self._stop is not None
 
-    def holds(self, store: StoreState, now: EmergencyStop | None) -> bool:
-        """Return whether nothing may be commanded; report the stop, and its release."""
-        was, self._stop = self._stop, now if now is not None and now.active else None
+    def holds(self, store: StoreState) -> bool:
+        """Return whether nothing may be commanded; report the stop."""
+        now, was = store.inputs.stop, self._stop
+        self._stop = now if now is not None and now.active else None
         if self._stop is None:
             return False
         if was is None:
-            text = f"{self._stop}: nothing is commanded until it is released"
-            store.log.append(("warning", text))
+            text = "nothing is commanded until it is released"
+            store.log.append(("warning", f"{self._stop}: {text}"))
         longest = store.settings.waits.release
         if store.inputs.t_ns * 1e-9 - self._stop.since >= longest:
             text = f"{self._stop}, not released for {longest:g} s"
@@ -108,8 +108,9 @@ class Interruption:
             self.is_over = True
         return True
 
-    def resumes(self, store: StoreState, now: EmergencyStop | None) -> str:
+    def resumes(self, store: StoreState) -> str:
         """Return the state to begin again at the step of a release, else nothing; call it first."""
+        now = store.inputs.stop
         if self._stop is None or now is None or now.active:
             return ""
         # Beside a base that drives, it is sent off again; all others begin once more.

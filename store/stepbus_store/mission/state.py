@@ -206,6 +206,11 @@ class StoreState:
             raise LookupError(f"state {self.visit.state!r} needs an item")
         return self.sale, self.sale.item
 
+    @property
+    def item(self) -> Item:
+        """Return the item of the sale in progress."""
+        return self.now[1]
+
     def report(self, text: str, level: Level = "info") -> None:
         """Log a sentence about the sale in progress."""
         self.log.append((level, f"{self.sale}: {text}"))
@@ -266,6 +271,10 @@ class StoreState:
         """Return a point on the front line of an item's shelf, with the heading towards it."""
         return self.settings.shelves[item.shelf].spot
 
+    def outlet_spot(self) -> Spot:
+        """Return the item's spot in the outlet."""
+        return self.settings.outlet_spot(self.now[0].number - 1, self.planned)
+
     def in_odometry(self, spot: Spot) -> Spot:
         """Return a spot of the map in the frame of odometry, which drifts (ROS, REP 105)."""
         pose = self.inputs.pose
@@ -304,6 +313,5 @@ class StoreState:
 
     def grip_height(self) -> float:
         """Return the height of the tip when it grips the item [m]."""
-        _, item = self.now
-        settings = self.settings
+        item, settings = self.item, self.settings
         return max(item.body_top - settings.grasp_depth, item.top - settings.grasp_reach)
