@@ -62,10 +62,9 @@ class Stock:
     """All items, with their poses at the last inventory or update.
 
     description: of the plant's output of poses. shelves: their names; the item `cola_a1_3` of type
-    cola is on the shelf whose name starts its slot `a1_3`. items: by name; measures: of each; types:
-    each once; all in the plant's order.
-    Raises WiringError for an item without a known shape, and unless there is one type and one
-    shape per link.
+    cola is on the shelf whose name starts its slot `a1_3`. items, measures: by name. types:
+    each once; all in the plant's order. Raises WiringError for an item without a known shape, and
+    unless there is one type and one shape per link.
     """
 
     def __init__(self, description: Description, shelves: Sequence[str]) -> None:

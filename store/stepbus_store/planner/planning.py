@@ -1,7 +1,7 @@
 """From a request to a plan."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,22 +46,6 @@ BESIDE_RESOLUTION = 3.0
 def is_check(request: PlanRequest) -> bool:
     """Return whether a request is for the check of a path only."""
     return bool(request.path) and request.start == request.goal
-
-
-def fingers_at(robot: PlannedRobot, obstacles: Obstacles, poses: Poses, tip: str) -> dict[str, Any]:
-    """Return the poses in the tip of the links of the robot that move on joints of their own.
-
-    They are as in Poses, where it has them; the others stand as in the robot's posture.
-    """
-    at = obstacles.index_of(tip)
-    if at is None:
-        return {}
-    inverse = obstacles.placement(poses, at).inverse()
-    return {
-        name: inverse * obstacles.placement(poses, index)
-        for name in robot.fingers()
-        if (index := obstacles.index_of(name)) is not None
-    }
 
 
 def on_floor(base: Point) -> Any:
@@ -109,9 +93,8 @@ class PathPlanner:
         request: PlanRequest,
         poses: Poses | None,
         cancelled: Callable[[], bool],
-        map_in_world: Any = None,
-        *,
-        seen: Seen | None = None,
+        map_in_world: Any,
+        seen: Seen | None,
     ) -> Plan | None:
         """Return the answer to a request; None: it was cancelled meanwhile.
 
@@ -119,33 +102,58 @@ class PathPlanner:
         map_in_world: pose of the frame of the request's `bases`; None: unknown. seen: by lidars.
         """
         try:
-            return _Planning(self, request, poses, cancelled, map_in_world, seen=seen).answer()
+            return _Planning(self, request, poses, cancelled, map_in_world, seen).answer()
         except NoPlan as exc:
             return Plan(id=request.id, cause=exc.cause, text=str(exc))
         except Cancelled:
             return None
 
-
-class _Planning:
-    """The work on one request."""
-
-    def __init__(
+    def scene(
         self,
-        planner: PathPlanner,
         request: PlanRequest,
-        poses: Poses | None,
-        cancelled: Callable[[], bool],
-        map_in_world: Any,
-        *,
-        seen: Seen | None,
-    ) -> None:
-        self._planner, self._robot, self._obstacles = planner, planner.robot, planner.obstacles
-        self._request = request
-        self._cancelled = cancelled
+        start: Vector,
+        links: Mapping[str, Link],
+        placements: Mapping[str, Any],
+        poses: Poses,
+    ) -> Scene:
+        """Return the scene of a request among some links; start: as of `Scene`.
+
+        placements: of the links, in the root link of the robot. poses: where the links of the robot
+        are that move on joints of their own; others of these stand as in its posture.
+        """
+        tip = self.obstacles.own(poses, self.tip)
+        fingers = (
+            {} if tip is None else {n: self.obstacles.own(poses, n) for n in self.robot.fingers()}
+        )
+        around = Surroundings(
+            links=links,
+            placements=placements,
+            held=request.held,
+            touches=frozenset(request.touches),
+            tip=self.tip,
+            fingers={n: tip.inverse() * pose for n, pose in fingers.items() if pose is not None},
+        )
+        return Scene(self.robot, around, start, self.margins)
+
+
+@dataclass
+class _Planning:
+    """The work on one request; see `PathPlanner.plan`."""
+
+    _planner: PathPlanner
+    _request: PlanRequest
+    _poses: Poses | None
+    _cancelled: Callable[[], bool]
+    _map_in_world: Any
+    _seen: Seen | None
+
+    def __post_init__(self) -> None:
+        request = self._request
+        self._robot, self._obstacles = self._planner.robot, self._planner.obstacles
         self._start = self._joints("start", request.start)
         self._goal = self._joints("goal", request.goal)
         self._path = [self._joints(f"path point {k}", q) for k, q in enumerate(request.path)]
-        scenes = self._make_scenes(poses, map_in_world, seen)
+        scenes = self._make_scenes()
         self._scene = scenes.pop()
         self._beside = [scene.checker_of(scene.others) for scene in scenes]
 
@@ -156,33 +164,28 @@ class _Planning:
             expected = f"{len(robot.joints)} ({', '.join(robot.joints)})"
             raise NoPlan(Cause.BAD_REQUEST, f"{field} has {len(values)} values, not {expected}")
         inside = (robot.lower - _ROUNDING <= q) & (q <= robot.upper + _ROUNDING)
-        for name, value, low, high, fits in zip(
-            robot.joints, values, robot.lower, robot.upper, inside, strict=True
-        ):
-            if not fits:
-                unit = robot.unit(name)
-                text = f"{value:.3f} {unit} is outside {low:.3f} to {high:.3f} {unit}"
-                raise NoPlan(Cause.BAD_REQUEST, f"{field}: {name} at {text}")
+        for k in np.flatnonzero(~inside):
+            name, unit = robot.joints[k], robot.unit(robot.joints[k])
+            limits = f"{robot.lower[k]:.3f} to {robot.upper[k]:.3f} {unit}"
+            text = f"{field}: {name} at {q[k]:.3f} {unit} is outside {limits}"
+            raise NoPlan(Cause.BAD_REQUEST, text)
         return np.clip(q, robot.lower, robot.upper)
 
-    def _make_scenes(
-        self, poses: Poses | None, map_in_world: Any, seen: Seen | None
-    ) -> list[Scene]:
+    def _make_scenes(self) -> list[Scene]:
         """Return the scene of each pose of the base; the last one is that of the plan."""
-        request, links = self._request, self._obstacles.links
+        request, links, poses, seen = self._request, self._obstacles.links, self._poses, self._seen
         if poses is None:
             raise NoPlan(Cause.BAD_REQUEST, "the poses of the world are not known yet")
         for name in dict.fromkeys([request.held, *request.touches]):
             if name and name not in links:
                 text = f"the world has no link {name!r}{suggest(name, links)}"
                 raise NoPlan(Cause.BAD_REQUEST, text)
-        if request.bases and map_in_world is None:
+        if request.bases and self._map_in_world is None:
             raise NoPlan(Cause.BAD_REQUEST, "bases need a request of the base before them")
         here = self._obstacles.placements(poses)
-        fingers = fingers_at(self._robot, self._obstacles, poses, self._planner.tip)
         columns = self._columns(*seen) if seen is not None else {}
         bases = request.bases or ([] if seen is None else [seen[0]])
-        frames = [map_in_world * on_floor(base) for base in request.bases] or [None]
+        frames = [self._map_in_world * on_floor(base) for base in request.bases] or [None]
         scenes = []
         for number, frame in enumerate(frames):
             placements = self._obstacles.placements(poses, frame)
@@ -190,15 +193,8 @@ class _Planning:
                 placements[name] = on_floor(bases[number]).inverse()
             if request.held:
                 placements[request.held] = here[request.held]
-            around = Surroundings(
-                links={**links, **columns},
-                placements=placements,
-                held=request.held,
-                touches=frozenset(request.touches),
-                tip=self._planner.tip,
-                fingers=fingers,
-            )
-            scenes.append(Scene(self._robot, around, self._start, self._planner.margins))
+            among = {**links, **columns}
+            scenes.append(self._planner.scene(request, self._start, among, placements, poses))
         return scenes
 
     def _columns(self, base: Point, seen: Sequence[Outline]) -> dict[str, Link]:
@@ -248,7 +244,7 @@ class _Planning:
         tip = self._planner.tip
         for q in fine:
             if not checker.is_free(q):
-                touch = self._scene.closest(q, checker) or "something is too close"
+                touch = self._scene.touch(q, checker) or "something is too close"
                 here, there = (self._robot.frame_pose(row, tip).translation for row in (fine[0], q))
                 far = float(np.linalg.norm(there - here))
                 raise NoPlan(Cause.PATH_COLLIDES, f"{far:.3f} m from its start, {touch}")
@@ -289,11 +285,9 @@ class _Planning:
         torque = np.abs([self._robot.inverse_dynamics(q, rest, rest) for q in points]).max(axis=0)
         worst = int(np.argmax(torque / limits.effort))
         joint = self._robot.joints[worst]
-        unit = self._robot.effort_unit(joint)
-        return (
-            f"on the path, {joint} needs {torque[worst]:.1f} {unit} to stand still, but motions "
-            f"may use {limits.effort[worst]:.1f} {unit}"
-        )
+        unit, least = self._robot.effort_unit(joint), f"{torque[worst]:.1f}"
+        most = f"motions may use {limits.effort[worst]:.1f} {unit}"
+        return f"on the path, {joint} needs {least} {unit} to stand still, but {most}"
 
     def _stays_free(self, motion: Trajectory, checker: Checker) -> bool:
         if self._cancelled():

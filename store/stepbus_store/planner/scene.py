@@ -24,8 +24,8 @@ class Margins:
     """Minimum distances [m].
 
     robot: of the robot to obstacles and to itself. path: the same, on a path that is only checked.
-    held: of a held object to obstacles and the
-    robot. standing: how deep a held object may penetrate what it stands on, at start and goal.
+    held: of a held object to obstacles and the robot. standing: how deep a held object may
+    penetrate what it stands on, at start and goal.
     """
 
     robot: float = 0.01
@@ -144,32 +144,25 @@ class Scene:
         touches: frozenset[str],
     ) -> None:
         """Check the moving robot against the obstacles, and the held object against both."""
-        items, add = self._geometry.geometryObjects, self._geometry.addCollisionPair
+        joints = [item.parentJoint for item in self._geometry.geometryObjects]
+        moving, pairs = [mine for mine in own if joints[mine]], []
         for other in world:
-            for mine in own:
-                if items[mine].parentJoint and self.links[other] not in touches:
-                    add(pin.CollisionPair(mine, other))
-            for part in held:
-                add(pin.CollisionPair(part, other))
-        for part in held:
-            for mine in own:
-                if items[mine].parentJoint != items[part].parentJoint:
-                    add(pin.CollisionPair(mine, part))
+            if self.links[other] not in touches:
+                pairs += [(mine, other) for mine in moving]
+            pairs += [(part, other) for part in held]
+        pairs += [(mine, part) for part in held for mine in own if joints[mine] != joints[part]]
+        for one, other in pairs:
+            self._geometry.addCollisionPair(pin.CollisionPair(one, other))
 
-    def touch(self, q: Vector) -> LinkContact | None:
-        """Return the two links that penetrate most at q, shape (n,) [rad]; None: none touch."""
-        return self._closest(q, self._deepest)
+    def touch(self, q: Vector, checker: Checker | None = None) -> LinkContact | None:
+        """Return the two links that penetrate most at q, shape (n,) [rad]; None: none touch.
 
-    def closest(self, q: Vector, checker: Checker) -> LinkContact | None:
-        """Return the two links that keep their margin least at q, shape (n,) [rad]."""
-        return self._closest(q, checker.margins)
-
-    def _closest(self, q: Vector, margins: Vector) -> LinkContact | None:
+        checker: whose margins count, instead of those of links that touch.
+        """
+        margins = self._deepest if checker is None else checker.margins
         distance = self._distances_at(q)
-        if not len(distance):
-            return None
-        worst = int(np.argmin(distance - margins))
-        if distance[worst] > margins[worst]:
+        worst = int(np.argmin(distance - margins)) if len(distance) else -1
+        if worst < 0 or distance[worst] > margins[worst]:
             return None
         pair = self._geometry.collisionPairs[worst]
         first, second = self.links[pair.first], self.links[pair.second]
