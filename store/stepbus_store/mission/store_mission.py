@@ -10,15 +10,7 @@ from dataclasses import replace
 
 import msgspec
 
-from stepbus_participant import (
-    CallError,
-    Config,
-    Method,
-    Ports,
-    SettingsError,
-    Step,
-    suggest,
-)
+from stepbus_participant import CallError, Config, Method, Ports, SettingsError, Step, suggest
 from stepbus_schemas import (
     BaseState,
     CameraTrigger,
@@ -44,15 +36,7 @@ from stepbus_store.mission.inventory import Stock
 from stepbus_store.mission.params import Params, unknown_type
 from stepbus_store.mission.report import WITNESSES, summary
 from stepbus_store.mission.rest import Interruption, overturned
-from stepbus_store.mission.state import (
-    ASIDES,
-    Inputs,
-    Level,
-    LogEntry,
-    Outcome,
-    StoreState,
-    Visit,
-)
+from stepbus_store.mission.state import ASIDES, Inputs, Level, LogEntry, Outcome, StoreState, Visit
 from stepbus_store.mission.state_goals import GOALS
 from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
 from stepbus_store.mission.verification import looked_at, wants_image

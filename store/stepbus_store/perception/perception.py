@@ -7,13 +7,7 @@ import cv2
 import numpy as np
 
 from stepbus_kinematics import JointOrder, RobotModel
-from stepbus_participant import (
-    Config,
-    Ports,
-    Step,
-    installed_version,
-    parse_duration,
-)
+from stepbus_participant import Config, Ports, Step, installed_version, parse_duration
 from stepbus_schemas import (
     CameraTrigger,
     Description,
@@ -78,6 +72,9 @@ class Perception(Remembering):
         described = inputs[port]
         catalog = read_catalog(port, described)
         if self._robot is not None:
+            if params.landmark:
+                name, radius = params.landmark, params.landmark_radius
+                catalog = with_landmarks(catalog, port, described, name, radius)
             self._start_camera(self._robot, catalog, inputs)
         else:
             self._truth = Truth(port, described.names, catalog, params.frame, params.prefix)
@@ -86,11 +83,7 @@ class Perception(Remembering):
     def _start_camera(
         self, robot: RobotModel, catalog: Catalog, inputs: Mapping[str, Description]
     ) -> None:
-        params, port = self._params, self._poses_port
-        if params.landmark:
-            catalog = with_landmarks(
-                catalog, port, inputs[port], params.landmark, params.landmark_radius
-            )
+        params = self._params
         late = inputs[self._images[0]].details.get("latency")
         steps = parse_duration(late[0]) // self.config.step_ns if late else 0
         self._since = deque(maxlen=1 + steps // self.config.every)
@@ -116,8 +109,7 @@ class Perception(Remembering):
             return None
         view = make_view({name: step.read(name, Image) for name in self._images})
         state, request = self._since[0]
-        if state is None:
-            state = step.read(self._state_port, JointState)
+        state = state or step.read(self._state_port, JointState)
         return self._detections(robot, view, state, request)
 
     def _detections(
