@@ -229,11 +229,9 @@ class _Restored:
         return _READ[x[0]](self, *x[1:]) if isinstance(x, list) else x
 
     def values(self, items: Iterable[Any]) -> list[Any]:
-        """Return the values of a row."""
         return list(map(self.value, items))
 
     def named(self, items: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values of a row with names."""
         return {name: self.value(item) for name, item in items.items()}
 
     def set_fields(self, x: Any, kind: str, fields: Mapping[str, Any]) -> None:
@@ -246,7 +244,6 @@ class _Restored:
             object.__setattr__(x, name, self.value(item))
 
     def set_items(self, x: Any, *items: Any) -> None:
-        """Give a container what it had."""
         x.clear()
         rows = self.values(items[-1])
         if isinstance(x, dict):
@@ -255,11 +252,9 @@ class _Restored:
             (x.update if isinstance(x, set) else x.extend)(rows)
 
     def set_array(self, x: Any, dtype: str, shape: list[int], order: Any, data: bytes) -> None:
-        """Give an array its numbers."""
         x[...] = np.ndarray(shape, dtype, data, order=order)
 
     def set_random(self, x: Any, state: str) -> None:
-        """Give a random generator its state."""
         x.bit_generator.state = json.loads(state)
 
     def make_later(self, x: Any, _: str, given: Any) -> None:

@@ -219,9 +219,7 @@ class StoreState:
     def tilt(self) -> float:
         """Return by how much the base is tilted [rad]; 0 where nothing measures it."""
         imu = self.inputs.imu
-        if imu is None or imu.orientation is None:
-            return 0.0
-        return tilt_of(imu.orientation)
+        return 0.0 if imu is None or imu.orientation is None else tilt_of(imu.orientation)
 
     @property
     def carries(self) -> bool:
@@ -249,16 +247,16 @@ class StoreState:
 
     def all_unsold(self) -> list[Unsold]:
         """Return the orders that were left out, the one that failed, and those after it."""
-        rows, problem, sale = list(self.unsold), self.problem, self.sale
-        known = {row.number for row in rows} | {result.number for result in self.results}
-        if problem and sale and sale.number not in known:
-            name = sale.item.name if sale.item else str(sale.order)
-            rows.append(Unsold(number=sale.number, order=name, reason=f"failed while {self.doing}"))
-        known |= {row.number for row in rows}
+        rows, sale = {}, self.sale
         for number, order in enumerate(self.settings.orders, 1):
-            if number not in known:
-                rows.append(Unsold(number=number, order=str(order), reason="not tried"))
-        return rows
+            rows[number] = Unsold(number=number, order=str(order), reason="not tried")
+        if self.problem and sale:
+            name = sale.item.name if sale.item else str(sale.order)
+            reason = f"failed while {self.doing}"
+            rows[sale.number] = Unsold(number=sale.number, order=name, reason=reason)
+        rows |= {row.number: row for row in self.unsold}
+        sold = {result.number for result in self.results}
+        return [row for number, row in rows.items() if number not in sold]
 
     def failure(self) -> str:
         """Return a sentence about the failure, and how the stop went."""
