@@ -56,11 +56,6 @@ def down(store: StoreState) -> Goal:
     return _pose(store, store.expected(), store.grip_height(), straight=straight, slow=True)
 
 
-def retreat(store: StoreState) -> Goal:
-    """Take the item off the shelf, over the base, without lowering it."""
-    return _pose(store, _carried(store), store.now[0].tip, straight=False)
-
-
 def lower(store: StoreState) -> Goal:
     """Lower the item by one step."""
     tip, settings = store.now[0].tip, store.settings
@@ -122,7 +117,7 @@ GOALS: Mapping[str, MakeGoal] = {
     "down": down,
     "close": lambda store: _grip(store, 0.0),
     "lift": lambda store: _raise(store, store.settings.lift_height),
-    "retreat": retreat,
+    "retreat": lambda store: _pose(store, _carried(store), store.now[0].tip, straight=False),
     "lower": lower,
     "reverse": reverse,
     "home": home,

@@ -331,8 +331,8 @@ class StoreMission(Remembering):
 
     def _events(self, store: StoreState) -> dict[str, Message]:
         """Return the log of this step, and at the end the report."""
-        log, store.log, ports = store.log, [], self._ports
-        report: list[LogEntry] = []
+        logs, store.log = {self._ports.events: store.log}, []
+        report = logs.setdefault(self._ports.summary, [])
         if self._is_done:
             text = summary(
                 store.results,
@@ -343,9 +343,7 @@ class StoreMission(Remembering):
                 by=WITNESSES[self._settings.verification],
             )
             report.append(("info", text))
-        if ports.summary == ports.events:
-            return _event(ports.events, [*log, *report])
-        return _event(ports.events, log) | _event(ports.summary, report)
+        return {port: _event(log) for port, log in logs.items() if log}
 
 
 def _lost(inputs: Inputs) -> Outcome | None:
@@ -358,12 +356,10 @@ def _lost(inputs: Inputs) -> Outcome | None:
     return None
 
 
-def _event(port: str, log: Sequence[LogEntry]) -> dict[str, Message]:
+def _event(log: Sequence[LogEntry]) -> Event:
     """Return the entries as one message, a line each, with the highest level among them."""
-    if not log:
-        return {}
     level = max((level for level, _ in log), key=_LEVELS.index)
-    return {port: Event(level=level, text="\n".join(text for _, text in log))}
+    return Event(level=level, text="\n".join(text for _, text in log))
 
 
 def _unknown(settings: Params, stock: Stock, links: Sequence[str]) -> list[str]:

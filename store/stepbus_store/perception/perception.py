@@ -20,7 +20,7 @@ from stepbus_schemas import (
 )
 from stepbus_store.memory import Remembering
 from stepbus_store.perception.detector import Detector
-from stepbus_store.perception.images import View, make_view
+from stepbus_store.perception.images import make_view
 from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
 from stepbus_store.perception.params import Params
 from stepbus_store.perception.truth import Truth
@@ -102,6 +102,10 @@ class Perception(Remembering):
         return {} if detections is None else {self._detections_port: detections}
 
     def _from_images(self, step: Step, robot: RobotModel) -> Detections | None:
+        """Return the items in new images, with the joints and the request of their exposure.
+
+        Raises RunError for a request of a spot in another frame, and angles that are not finite.
+        """
         port = self._request_port
         request = step.get(port, CameraTrigger) if port and step.is_new(port) else None
         self._since.append((step.get(self._state_port, JointState), request))
@@ -110,15 +114,6 @@ class Perception(Remembering):
         view = make_view({name: step.read(name, Image) for name in self._images})
         state, request = self._since[0]
         state = state or step.read(self._state_port, JointState)
-        return self._detections(robot, view, state, request)
-
-    def _detections(
-        self, robot: RobotModel, view: View, state: JointState, request: CameraTrigger | None
-    ) -> Detections:
-        """Return the items in a view; state, request: at the time of its exposure.
-
-        Raises RunError for a request of a spot in another frame, and angles that are not finite.
-        """
         angles, frame = self._order.pick(state.position, "position"), self._params.frame
         if not np.isfinite(angles).all():
             raise RunError(f"input {self._state_port!r}: the angles {angles} rad must be finite")

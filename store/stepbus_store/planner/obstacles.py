@@ -185,11 +185,6 @@ class Obstacles:
             if math.dist(before.position[link.index], now.position[link.index]) > _MOVED
         )
 
-    def base_moved(self, before: Poses, now: Poses) -> float:
-        """Return the displacement of the robot's `frame` [m]."""
-        moved = np.subtract(now.position[self._frame], before.position[self._frame])
-        return float(np.linalg.norm(moved))
-
 
 def _pose(poses: Poses, index: int) -> Any:
     return _placement([*poses.position[index], *poses.orientation[index]])

@@ -70,7 +70,8 @@ class PathMonitor:
 
     def check(self, poses: Poses, t: float) -> str:
         """Return the object that blocks the path, as a sentence; empty: none. t: time [s]."""
-        leaves = self._obstacles.base_moved(self._before, poses) > _MOVED and not self._bases
+        old, new = (self._obstacles.frame_in_world(p).translation for p in (self._before, poses))
+        leaves = _distance(old, new) > _MOVED and not self._bases
         if t > self._until or leaves:
             self.is_over = True
         tip = self._obstacles.own(poses, self._planner.tip)
