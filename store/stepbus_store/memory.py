@@ -10,6 +10,7 @@ import copy
 import functools
 import importlib
 import json
+import math
 import zlib
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -52,8 +53,7 @@ class _Objects:
         self.rows: dict[int, msgspec.Raw] = {}
         self._numbers = {id(x): number for number, x in enumerate(self.objects)}
         self._constant = set(map(id, constant))
-        self._known = len(self.objects)
-        self._is_first = first is None
+        self._known = math.inf if first is None else len(self.objects)
         self._waiting: deque[int] = deque()
 
     def describe(self, root: Any) -> None:
@@ -62,7 +62,7 @@ class _Objects:
         while self._waiting:
             number = self._waiting.popleft()
             row = self._row(self.objects[number])
-            if row is None and number >= self._known and not self._is_first:
+            if row is None and number >= self._known:
                 raise _Unsaved(f"{type(self.objects[number]).__qualname__} cannot be saved")
             self.rows[number] = msgspec.Raw(_encode(row))
 
@@ -132,7 +132,7 @@ class _Objects:
         return ["array", x.dtype.str, x.shape, order, x.tobytes(order)]
 
     def _random(self, x: Any) -> Any:
-        is_new = self._numbers[id(x)] >= self._known and not self._is_first
+        is_new = self._numbers[id(x)] >= self._known
         return None if is_new else ["random", json.dumps(x.bit_generator.state)]
 
 

@@ -6,7 +6,7 @@ from stepbus_schemas import GoalStatus
 from stepbus_store.cause import Cause
 from stepbus_store.mission.inventory import Item
 from stepbus_store.mission.report import Unsold
-from stepbus_store.mission.rest import NO_ANSWER, at_rest, halted
+from stepbus_store.mission.rest import NO_ANSWER, at_rest
 from stepbus_store.mission.state import APPROACHES, Outcome, Sale, StoreState
 from stepbus_store.mission.state_table import BESIDE, STATES
 from stepbus_store.mission.verification import aim, correct, find, verify
@@ -303,7 +303,7 @@ CHECKS: Mapping[str, Check] = {
     "come_home": landed,
     "verify": verify,
     "park": parked,
-    "halt": halted,
+    "halt": at_rest,
     "retry": retry,
     "stop": at_rest,
     "recover": recovered,

@@ -35,7 +35,7 @@ def at_rest(store: StoreState) -> Outcome | None:
     if store.elapsed < waits.halt:
         return None
     store.rest = f"not at rest after {waits.halt:g} s, {_restless(store)}"
-    return Outcome(name="restless")
+    return Outcome(name="restless", cause=Cause.NOT_SETTLED, text=store.rest)
 
 
 def overturned(store: StoreState) -> Outcome | None:
@@ -69,14 +69,6 @@ def _restless(store: StoreState) -> str:
     if status is None:
         return NO_ANSWER
     return f"the controller reports {status.state}" + (f", {status.text}" if status.text else "")
-
-
-def halted(store: StoreState) -> Outcome | None:
-    """Wait until everything is at rest after the last sale."""
-    outcome = at_rest(store)
-    if outcome is not None and outcome.name == "restless":
-        return Outcome(name="restless", cause=Cause.NOT_SETTLED, text=store.rest)
-    return outcome
 
 
 class Interruption:

@@ -285,9 +285,8 @@ class StoreState:
     def expected(self) -> Spot:
         """Return the item's expected position, with the heading along which the gripper opens."""
         sale, item = self.now
-        if sale.detected is not None:
-            return replace(sale.detected, yaw=self.opening_yaw(sale.detected.yaw))
-        spot = self.in_odometry(Spot(x=item.position[0], y=item.position[1], yaw=item.yaw))
+        place = Spot(x=item.position[0], y=item.position[1], yaw=item.yaw)
+        spot = sale.detected or self.in_odometry(place)
         return replace(spot, yaw=self.opening_yaw(spot.yaw))
 
     def opening_yaw(self, yaw: float) -> float:

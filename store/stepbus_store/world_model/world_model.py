@@ -214,10 +214,8 @@ class WorldModel(Remembering):
                 items.see(name, x, y, yaw + yaw_of(turn))
 
     def _poses(self, items: Items, base: pin.SE3, q: np.ndarray) -> Poses:
-        rows = list(self._known)
-        for n, pose in zip(
-            self._own, self._robot.frame_poses(q, tuple(self._own.values())), strict=True
-        ):
+        rows, own = list(self._known), self._robot.frame_poses(q, tuple(self._own.values()))
+        for n, pose in zip(self._own, own, strict=True):
             rows[n] = _row(base * pose)
         for n, name in enumerate(self._names):
             if name in self._types:
