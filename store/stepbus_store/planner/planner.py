@@ -30,7 +30,7 @@ from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
 from stepbus_store.planner.outline import Outline
 from stepbus_store.planner.params import Params
 from stepbus_store.planner.path_monitor import PathMonitor
-from stepbus_store.planner.planning import PathPlanner, is_check, map_in_world
+from stepbus_store.planner.planning import PathPlanner, is_check, on_floor
 from stepbus_store.planner.scene import Margins
 from stepbus_store.planner.timing import Limits
 from stepbus_store.planner.walkers import Walkers
@@ -201,7 +201,8 @@ class Planner(Remembering):
         is_quick = request.base is not None or is_check(request)
         answer: Future[Plan | None]
         if request.base is not None and poses is not None:
-            self._map = map_in_world(self._obstacles, request.base[0], poses)
+            # The frame in which the base is at the start of the request.
+            self._map = self._obstacles.frame_in_world(poses) * on_floor(request.base[0]).inverse()
             mapped = self._base_planner.mapped(request, poses)
             # What moves may be gone a moment later.
             self._mapped = [thing for thing in mapped if thing.link not in self._moving]

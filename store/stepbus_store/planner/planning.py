@@ -53,11 +53,6 @@ def on_floor(base: Point) -> Any:
     return pin.SE3(pin.utils.rotate("z", base[2]), np.array([base[0], base[1], 0.0]))
 
 
-def map_in_world(obstacles: Obstacles, base: Point, poses: Poses) -> Any:
-    """Return the pose of the frame in which the base is at a pose, while the world is at others."""
-    return obstacles.frame_in_world(poses) * on_floor(base).inverse()
-
-
 class NoPlan(Exception):
     """A request without a plan; cause: one word for programs."""
 
@@ -207,7 +202,7 @@ class _Planning:
             link = column(outline, _HEIGHT)
             around = Surroundings(links={link.name: link}, placements={link.name: here})
             scene = Scene(self._robot, around, self._start, self._planner.margins)
-            if scene.touch(self._start) is None:
+            if not scene.touch(self._start):
                 columns[f"{link.name} ({number + 1})"] = link
         return columns
 
@@ -217,8 +212,9 @@ class _Planning:
         checked = self._check_path() if self._path else ""
         if is_check(self._request):
             return self._standing(checked)
-        self._check_collision("start", self._start)
-        self._check_collision("goal", self._goal)
+        for field, q in (("start", self._start), ("goal", self._goal)):
+            if touch := self._scene.touch(q):
+                raise NoPlan(Cause(f"{field}_collides"), f"at the {field}, {touch}")
         if np.linalg.norm(self._goal - self._start) < _SAME:
             return self._standing("the joints are at the goal")
         checker = self._scene.checker([self._start, self._goal])
@@ -249,11 +245,6 @@ class _Planning:
                 far = float(np.linalg.norm(there - here))
                 raise NoPlan(Cause.PATH_COLLIDES, f"{far:.3f} m from its start, {touch}")
         return f"path is free, {checker.checks} checks"
-
-    def _check_collision(self, field: str, q: Vector) -> None:
-        touch = self._scene.touch(q)
-        if touch is not None:
-            raise NoPlan(Cause(f"{field}_collides"), f"at the {field}, {touch}")
 
     def _paths(self, checker: Checker) -> Iterator[tuple[Vector, str]]:
         """Yield paths that keep the margins, the best first, and their names."""

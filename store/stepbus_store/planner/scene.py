@@ -52,20 +52,6 @@ class Surroundings:
     fingers: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
-class LinkContact:
-    """Two links that touch; distance: between them, negative if they penetrate [m]."""
-
-    first: str
-    second: str
-    distance: float
-
-    def __str__(self) -> str:
-        if self.distance > 0.0:
-            return f"{self.first} comes within {self.distance * 1e3:.1f} mm of {self.second}"
-        return f"{self.first} touches {self.second} ({-self.distance * 1e3:.1f} mm deep)"
-
-
 class Scene:
     """Checks joint positions for collisions.
 
@@ -154,8 +140,8 @@ class Scene:
         for one, other in pairs:
             self._geometry.addCollisionPair(pin.CollisionPair(one, other))
 
-    def touch(self, q: Vector, checker: Checker | None = None) -> LinkContact | None:
-        """Return the two links that penetrate most at q, shape (n,) [rad]; None: none touch.
+    def touch(self, q: Vector, checker: Checker | None = None) -> str:
+        """Return which two links penetrate most at q, shape (n,) [rad]; empty: none touch.
 
         checker: whose margins count, instead of those of links that touch.
         """
@@ -163,10 +149,12 @@ class Scene:
         distance = self._distances_at(q)
         worst = int(np.argmin(distance - margins)) if len(distance) else -1
         if worst < 0 or distance[worst] > margins[worst]:
-            return None
-        pair = self._geometry.collisionPairs[worst]
+            return ""
+        pair, mm = self._geometry.collisionPairs[worst], distance[worst] * 1e3
         first, second = self.links[pair.first], self.links[pair.second]
-        return LinkContact(first=first, second=second, distance=float(distance[worst]))
+        if mm > 0.0:
+            return f"{first} comes within {mm:.1f} mm of {second}"
+        return f"{first} touches {second} ({-mm:.1f} mm deep)"
 
     def _distances_at(self, q: Vector) -> Vector:
         robot = self._robot
