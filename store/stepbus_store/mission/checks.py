@@ -181,7 +181,7 @@ def _timeout(store: StoreState) -> Outcome | None:
 
 def _dropped(store: StoreState) -> Outcome | None:
     """Return a failure if the carried item has not been held for long enough."""
-    if not store.carries:
+    if not STATES[store.visit.state].carries:
         return None
     sale, gripper = store.now[0], store.inputs.gripper
     if gripper.holding:
@@ -193,11 +193,6 @@ def _dropped(store: StoreState) -> Outcome | None:
         return None
     text = f"dropped, width {gripper.width:.3f} m"
     return Outcome(name="dropped", cause=Cause.DROPPED, text=text)
-
-
-def check_grip(store: StoreState) -> Outcome | None:
-    """Check that the closed gripper holds something as wide as the item."""
-    return _held(store, Cause.NOT_HELD, "not held")
 
 
 def check_lift(store: StoreState) -> Outcome | None:
@@ -212,6 +207,7 @@ def check_lift(store: StoreState) -> Outcome | None:
 
 
 def _held(store: StoreState, cause: Cause, text: str) -> Outcome | None:
+    """Check that the closed gripper holds something as wide as the item."""
     if store.elapsed < store.settings.waits.grip:
         return None
     gripper, expected = store.inputs.gripper, store.item.width_along(store.expected().yaw)
@@ -294,7 +290,7 @@ CHECKS: Mapping[str, Check] = {
     "correct": correct,
     "aim": lambda store: _dropped(store) or aim(store),
     "check_width": check_width,
-    "check_grip": check_grip,
+    "check_grip": lambda store: _held(store, Cause.NOT_HELD, "not held"),
     "check_lift": check_lift,
     "check_height": check_height,
     "depart": departed,

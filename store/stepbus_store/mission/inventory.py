@@ -46,11 +46,6 @@ class Item:
         """Return the height of its upper end [m]."""
         return self.position[2] + self.measures.top
 
-    @property
-    def body_top(self) -> float:
-        """Return the height of the upper end of its body, without the neck [m]."""
-        return self.position[2] + self.measures.body_top
-
     def width_along(self, yaw: float) -> float:
         """Return the width of its body between fingers that close along a heading [m]."""
         turn = nearest_quarter(self.yaw, yaw) - self.yaw

@@ -57,7 +57,7 @@ def rest_of(store: StoreState) -> str:
 
 def _moves(store: StoreState) -> bool:
     base = store.inputs.odometry
-    return max(abs(base.vx), abs(base.wz)) >= _AT_REST
+    return not max(abs(base.vx), abs(base.wz)) < _AT_REST
 
 
 def _restless(store: StoreState) -> str:
@@ -72,29 +72,24 @@ def _restless(store: StoreState) -> str:
 
 
 class Interruption:
-    """Follows an emergency stop; is_over: it was not released in time."""
+    """Follows an emergency stop; stop: the one in force; is_over: it was not released in time."""
 
     def __init__(self) -> None:
-        self._stop: EmergencyStop | None = None
+        self.stop: EmergencyStop | None = None
         self.is_over = False
-
-    @property
-    def is_held(self) -> bool:
-        """Return whether an emergency stop is in force."""
-        return self._stop is not None
 
     def holds(self, store: StoreState) -> bool:
         """Return whether nothing may be commanded; report the stop."""
-        now, was = store.inputs.stop, self._stop
-        self._stop = now if now is not None and now.active else None
-        if self._stop is None:
+        now, was = store.inputs.stop, self.stop
+        self.stop = now if now is not None and now.active else None
+        if self.stop is None:
             return False
         if was is None:
             text = "nothing is commanded until it is released"
-            store.log.append(("warning", f"{self._stop}: {text}"))
+            store.log.append(("warning", f"{self.stop}: {text}"))
         longest = store.settings.waits.release
-        if store.inputs.t_ns * 1e-9 - self._stop.since >= longest:
-            text = f"{self._stop}, not released for {longest:g} s"
+        if store.inputs.t_ns * 1e-9 - self.stop.since >= longest:
+            text = f"{self.stop}, not released for {longest:g} s"
             store.record_problem(Outcome(name="failed", cause=Cause.EMERGENCY_STOP, text=text))
             store.rest = rest_of(store)
             self.is_over = True
@@ -103,11 +98,11 @@ class Interruption:
     def resumes(self, store: StoreState) -> str:
         """Return the state to begin again at the step of a release, else nothing; call it first."""
         now = store.inputs.stop
-        if self._stop is None or now is None or now.active:
+        if self.stop is None or now is None or now.active:
             return ""
         # Beside a base that drives, it is sent off again; all others begin once more.
         state = BESIDE.get(store.visit.state, store.visit.state)
-        took = now.since - self._stop.since
+        took = now.since - self.stop.since
         text = f"emergency stop released by {now.by} after {took:.2f} s; goes on"
         store.log.append(("info", f"{text} {STATES[state].doing}"))
         return state

@@ -222,11 +222,6 @@ class StoreState:
         return 0.0 if imu is None or imu.orientation is None else tilt_of(imu.orientation)
 
     @property
-    def carries(self) -> bool:
-        """Return whether the gripper carries an item, which may be lost."""
-        return STATES[self.visit.state].carries
-
-    @property
     def elapsed(self) -> float:
         """Return the time since the state was entered [s]."""
         return self.since(self.visit.start_ns)
@@ -311,4 +306,5 @@ class StoreState:
     def grip_height(self) -> float:
         """Return the height of the tip when it grips the item [m]."""
         item, settings = self.item, self.settings
-        return max(item.body_top - settings.grasp_depth, item.top - settings.grasp_reach)
+        body_top = item.position[2] + item.measures.body_top
+        return max(body_top - settings.grasp_depth, item.top - settings.grasp_reach)

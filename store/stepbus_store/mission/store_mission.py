@@ -162,7 +162,7 @@ class StoreMission(Remembering):
 
     def _look(self, store: StoreState) -> dict[str, Message]:
         """Return a request for an image, where one is wanted and the camera waits for requests."""
-        port, is_stopped = self._ports.camera, self._interruption.is_held
+        port, is_stopped = self._ports.camera, self._interruption.stop is not None
         if port is None or is_stopped or not wants_image(store):
             return {}
         store.visit.asked_ns = store.inputs.t_ns

@@ -21,7 +21,7 @@ from stepbus_schemas import (
 from stepbus_store.memory import Remembering
 from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import make_view
-from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
+from stepbus_store.perception.item_catalog import read_catalog, with_landmarks
 from stepbus_store.perception.params import Params
 from stepbus_store.perception.truth import Truth
 
@@ -68,28 +68,21 @@ class Perception(Remembering):
 
         Raises WiringError for poses without items, and for joints that are not sensed.
         """
-        port, params = self._poses_port, self._params
-        described = inputs[port]
+        port, params, described = self._poses_port, self._params, inputs[self._poses_port]
         catalog = read_catalog(port, described)
-        if self._robot is not None:
+        if self._robot is None:
+            self._truth = Truth(port, described.names, catalog, params.frame, params.prefix)
+        else:
             if params.landmark:
                 name, radius = params.landmark, params.landmark_radius
                 catalog = with_landmarks(catalog, port, described, name, radius)
-            self._start_camera(self._robot, catalog, inputs)
-        else:
-            self._truth = Truth(port, described.names, catalog, params.frame, params.prefix)
+            late = inputs[self._images[0]].details.get("latency")
+            steps = parse_duration(late[0]) // self.config.step_ns if late else 0
+            self._since = deque(maxlen=1 + steps // self.config.every)
+            self._detector = Detector(catalog, params.min_confidence, params.depth_noise)
+            joints = [params.prefix + joint for joint in self._robot.joints]
+            self._order = JointOrder(self._state_port, inputs[self._state_port].names, joints)
         self.remember()
-
-    def _start_camera(
-        self, robot: RobotModel, catalog: Catalog, inputs: Mapping[str, Description]
-    ) -> None:
-        params = self._params
-        late = inputs[self._images[0]].details.get("latency")
-        steps = parse_duration(late[0]) // self.config.step_ns if late else 0
-        self._since = deque(maxlen=1 + steps // self.config.every)
-        self._detector = Detector(catalog, params.min_confidence, params.depth_noise)
-        joints = [params.prefix + joint for joint in robot.joints]
-        self._order = JointOrder(self._state_port, inputs[self._state_port].names, joints)
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return new detections when they are due."""

@@ -72,10 +72,7 @@ class _Checks:
     """Checks states, and counts down. OMPL keeps it, so it must not refer to OMPL's objects."""
 
     def __init__(
-        self,
-        search: Search,
-        is_free: Callable[[Vector], bool],
-        is_cancelled: Callable[[], bool],
+        self, search: Search, is_free: Callable[[Vector], bool], is_cancelled: Callable[[], bool]
     ) -> None:
         self.is_free, self._is_cancelled = is_free, is_cancelled
         self._size, self._left = range(len(search.lower)), search.max_checks

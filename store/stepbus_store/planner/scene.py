@@ -69,11 +69,9 @@ class Scene:
             robot.model.frames[item.parentFrame].name for item in robot.geometry.geometryObjects
         ]
         self._place_fingers(around)
-        own = range(len(self.links))
         held = self._add_held(around, start)
         self.others = frozenset(around.links) - {around.held}
-        world = self._add_world(around, held)
-        self._pair(own, held, world, around.touches)
+        self._pair(held, self._add_world(around, held), around.touches)
         pairs = self._geometry.collisionPairs
         with_held = np.array([not {pair.first, pair.second}.isdisjoint(held) for pair in pairs])
         self._with_held = with_held
@@ -122,15 +120,10 @@ class Scene:
             self.links.append(link.name)
         return numbers
 
-    def _pair(
-        self,
-        own: Iterable[int],
-        held: Iterable[int],
-        world: Iterable[int],
-        touches: frozenset[str],
-    ) -> None:
+    def _pair(self, held: list[int], world: list[int], touches: frozenset[str]) -> None:
         """Check the moving robot against the obstacles, and the held object against both."""
         joints = [item.parentJoint for item in self._geometry.geometryObjects]
+        own = range(self._robot.geometry.ngeoms)
         moving, pairs = [mine for mine in own if joints[mine]], []
         for other in world:
             if self.links[other] not in touches:
