@@ -85,9 +85,7 @@ class _Objects:
             return ["tuple", self._values(x)]
         if kind in _ROWS:
             return self._refer(x)
-        if kind in _VALUES:
-            return _VALUES[kind](self, x)
-        for base, made in _VALUES_OF:
+        for base, made in _VALUES:
             if isinstance(x, base):
                 return made(self, x)
         return self._refer(x)
@@ -136,19 +134,16 @@ class _Objects:
         return None if is_new else ["random", json.dumps(x.bit_generator.state)]
 
 
-_VALUES: Mapping[type, Callable[[_Objects, Any], Any]] = {
-    frozenset: lambda to, x: ["frozenset", to._sorted(x)],
-    MethodType: lambda to, x: ["method", to._value(x.__self__), x.__name__],
-    FunctionType: _Objects._function,
-}
-_VALUES_OF: tuple[tuple[type, Callable[[_Objects, Any], Any]], ...] = (
+_VALUES: tuple[tuple[Any, Callable[[_Objects, Any], Any]], ...] = (
+    (frozenset, lambda to, x: ["frozenset", to._sorted(x)]),
+    (MethodType, lambda to, x: ["method", to._value(x.__self__), x.__name__]),
     (Enum, lambda _, x: ["enum", _name(type(x)), x.value]),
     (np.generic, lambda _, x: ["scalar", x.dtype.str, x.tobytes()]),
     (Path, lambda _, x: ["path", str(x)]),
     (tuple, lambda to, x: ["named", _name(type(x)), to._values(x)]),
-    (type, _Objects._function),
+    (FunctionType | type, _Objects._function),
 )
-"""What stands for a value of these types, and for one of their subclasses."""
+"""What stands for a value of these types, and of their subclasses."""
 
 _ROWS: Mapping[type, Callable[[_Objects, Any], Any]] = {
     list: lambda to, x: ["list", to._values(x)],
