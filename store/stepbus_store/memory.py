@@ -10,6 +10,7 @@ import copy
 import functools
 import importlib
 import json
+import math
 import zlib
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -52,8 +53,7 @@ class _Objects:
         self.rows: dict[int, msgspec.Raw] = {}
         self._numbers = {id(x): number for number, x in enumerate(self.objects)}
         self._constant = set(map(id, constant))
-        self._known = len(self.objects)
-        self._is_first = first is None
+        self._known = math.inf if first is None else len(self.objects)
         self._waiting: deque[int] = deque()
 
     def describe(self, root: Any) -> None:
@@ -62,7 +62,7 @@ class _Objects:
         while self._waiting:
             number = self._waiting.popleft()
             row = self._row(self.objects[number])
-            if row is None and number >= self._known and not self._is_first:
+            if row is None and number >= self._known:
                 raise _Unsaved(f"{type(self.objects[number]).__qualname__} cannot be saved")
             self.rows[number] = msgspec.Raw(_encode(row))
 
@@ -85,9 +85,7 @@ class _Objects:
             return ["tuple", self._values(x)]
         if kind in _ROWS:
             return self._refer(x)
-        if kind in _VALUES:
-            return _VALUES[kind](self, x)
-        for base, made in _VALUES_OF:
+        for base, made in _VALUES:
             if isinstance(x, base):
                 return made(self, x)
         return self._refer(x)
@@ -132,23 +130,20 @@ class _Objects:
         return ["array", x.dtype.str, x.shape, order, x.tobytes(order)]
 
     def _random(self, x: Any) -> Any:
-        is_new = self._numbers[id(x)] >= self._known and not self._is_first
+        is_new = self._numbers[id(x)] >= self._known
         return None if is_new else ["random", json.dumps(x.bit_generator.state)]
 
 
-_VALUES: Mapping[type, Callable[[_Objects, Any], Any]] = {
-    frozenset: lambda to, x: ["frozenset", to._sorted(x)],
-    MethodType: lambda to, x: ["method", to._value(x.__self__), x.__name__],
-    FunctionType: _Objects._function,
-}
-_VALUES_OF: tuple[tuple[type, Callable[[_Objects, Any], Any]], ...] = (
+_VALUES: tuple[tuple[Any, Callable[[_Objects, Any], Any]], ...] = (
+    (frozenset, lambda to, x: ["frozenset", to._sorted(x)]),
+    (MethodType, lambda to, x: ["method", to._value(x.__self__), x.__name__]),
     (Enum, lambda _, x: ["enum", _name(type(x)), x.value]),
     (np.generic, lambda _, x: ["scalar", x.dtype.str, x.tobytes()]),
     (Path, lambda _, x: ["path", str(x)]),
     (tuple, lambda to, x: ["named", _name(type(x)), to._values(x)]),
-    (type, _Objects._function),
+    (FunctionType | type, _Objects._function),
 )
-"""What stands for a value of these types, and for one of their subclasses."""
+"""What stands for a value of these types, and of their subclasses."""
 
 _ROWS: Mapping[type, Callable[[_Objects, Any], Any]] = {
     list: lambda to, x: ["list", to._values(x)],
@@ -229,11 +224,9 @@ class _Restored:
         return _READ[x[0]](self, *x[1:]) if isinstance(x, list) else x
 
     def values(self, items: Iterable[Any]) -> list[Any]:
-        """Return the values of a row."""
         return list(map(self.value, items))
 
     def named(self, items: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values of a row with names."""
         return {name: self.value(item) for name, item in items.items()}
 
     def set_fields(self, x: Any, kind: str, fields: Mapping[str, Any]) -> None:
@@ -246,7 +239,6 @@ class _Restored:
             object.__setattr__(x, name, self.value(item))
 
     def set_items(self, x: Any, *items: Any) -> None:
-        """Give a container what it had."""
         x.clear()
         rows = self.values(items[-1])
         if isinstance(x, dict):
@@ -255,11 +247,9 @@ class _Restored:
             (x.update if isinstance(x, set) else x.extend)(rows)
 
     def set_array(self, x: Any, dtype: str, shape: list[int], order: Any, data: bytes) -> None:
-        """Give an array its numbers."""
         x[...] = np.ndarray(shape, dtype, data, order=order)
 
     def set_random(self, x: Any, state: str) -> None:
-        """Give a random generator its state."""
         x.bit_generator.state = json.loads(state)
 
     def make_later(self, x: Any, _: str, given: Any) -> None:

@@ -6,7 +6,7 @@ from stepbus_schemas import GoalStatus
 from stepbus_store.cause import Cause
 from stepbus_store.mission.inventory import Item
 from stepbus_store.mission.report import Unsold
-from stepbus_store.mission.rest import NO_ANSWER, at_rest, halted
+from stepbus_store.mission.rest import NO_ANSWER, at_rest
 from stepbus_store.mission.state import APPROACHES, Outcome, Sale, StoreState
 from stepbus_store.mission.state_table import BESIDE, STATES
 from stepbus_store.mission.verification import aim, correct, find, verify
@@ -75,26 +75,24 @@ def _leave_out(store: StoreState, sale: Sale, cause: Cause, text: str) -> Outcom
 
 
 def _next_item(store: StoreState, sale: Sale) -> Item | None:
-    unavailable = {*store.missing, *store.sold}
-    candidates = (
-        item
-        for item in store.stock.items.values()
-        if item.name not in unavailable and item.shelf and sale.order.item in {"", item.name}
-    )
-    item_type = sale.order.type
-    return next((item for item in candidates if item_type in {"", item.type}), None)
+    order, unavailable = sale.order, {*store.missing, *store.sold}
+    for item in store.stock.items.values():
+        is_ordered = order.item in {"", item.name} and order.type in {"", item.type}
+        if is_ordered and item.shelf and item.name not in unavailable:
+            return item
+    return None
 
 
 def _sold_out(store: StoreState, sale: Sale) -> str:
-    missing = store.missing.values()
-    counts = f"{len(store.sold)} sold, {sum(why == Cause.MISSING for why in missing)} missing"
+    missing, item = list(store.missing.values()), sale.order.item
+    counts = f"{len(store.sold)} sold, {missing.count(Cause.MISSING)} missing"
     for why in (Cause.LYING, Cause.HIDDEN):
-        if count := sum(why == other for other in missing):
+        if count := missing.count(why):
             counts += f", {count} {why}"
-    if sale.order.item:
-        lies_or_hides = store.missing.get(sale.order.item) not in (None, Cause.MISSING)
-        there = f"is {store.missing[sale.order.item]}" if lies_or_hides else "is not there"
-        return f"shelf empty, {sale.order.item} {there}; {counts}"
+    if item:
+        found = store.missing.get(item, Cause.MISSING)
+        there = "is not there" if found == Cause.MISSING else f"is {found}"
+        return f"shelf empty, {item} {there}; {counts}"
     return f"shelf empty, no {sale.order.type} is left; {counts}"
 
 
@@ -111,14 +109,15 @@ def arrived(store: StoreState) -> Outcome | None:
     status = store.inputs.status
     if ended := _dropped(store) or _trip_failed(store):
         return ended
-    if status is not None and status.state == "succeeded":
+    if status is None:
+        return _timeout(store)
+    if status.state == "succeeded":
         if status.cause:
             store.report(f"{STATES[store.visit.state].doing} {status.text.partition('; ')[0]}")
         return Outcome(name="done")
-    if status is not None and status.state in {"failed", "cancelled"}:
+    if status.state in {"failed", "cancelled"}:
         return _failed(status)
-    is_new = status is not None and status.text not in ("", store.visit.last_text)
-    if status is not None and status.state == "running" and is_new:
+    if status.state == "running" and status.text not in ("", store.visit.last_text):
         # Such as a search for another path.
         store.visit.last_text = status.text
         store.report(status.text, "warning")
@@ -140,11 +139,10 @@ def landed(store: StoreState) -> Outcome | None:
     trip = store.inputs.trip
     if trip is not None and trip.state == "succeeded":
         return Outcome(name="done")
-    if store.elapsed < store.settings.waits.motion:
+    longest = store.settings.waits.motion
+    if store.elapsed < longest:
         return None
-    text = (
-        f"not done, goal {store.trip} (go_together) goes on after {store.settings.waits.motion:g} s"
-    )
+    text = f"not done, goal {store.trip} (go_together) goes on after {longest:g} s"
     return Outcome(name="failed", cause=Cause.NOT_DONE, text=text)
 
 
@@ -183,44 +181,36 @@ def _timeout(store: StoreState) -> Outcome | None:
 
 def _dropped(store: StoreState) -> Outcome | None:
     """Return a failure if the carried item has not been held for long enough."""
-    if not store.carries:
+    if not STATES[store.visit.state].carries:
         return None
-    sale, _ = store.now
-    if store.inputs.gripper.holding:
+    sale, gripper = store.now[0], store.inputs.gripper
+    if gripper.holding:
         sale.lost_ns = None
         return None
     if sale.lost_ns is None:
         sale.lost_ns = store.inputs.t_ns
     if store.since(sale.lost_ns) < store.settings.waits.lost:
         return None
-    text = f"dropped, width {store.inputs.gripper.width:.3f} m"
+    text = f"dropped, width {gripper.width:.3f} m"
     return Outcome(name="dropped", cause=Cause.DROPPED, text=text)
-
-
-def check_grip(store: StoreState) -> Outcome | None:
-    """Check that the closed gripper holds something as wide as the item."""
-    return _held(store, Cause.NOT_HELD, "not held")
 
 
 def check_lift(store: StoreState) -> Outcome | None:
     """Check that the gripper has lifted the item."""
     outcome = _held(store, Cause.SLIPPED, "slipped")
-    if outcome is not None and outcome.name == "held":
-        gripper = store.inputs.gripper
-        width = f"{gripper.width * 1e3:.1f} mm"
-        store.now[0].asides = 0
-        store.report(f"lifted, held with {gripper.force:.1f} N at a width of {width}")
-        if store.settings.together:
-            return Outcome(name="together")
-    return outcome
+    if outcome is None or outcome.name != "held":
+        return outcome
+    force, width = store.inputs.gripper.force, store.inputs.gripper.width * 1e3
+    store.now[0].asides = 0
+    store.report(f"lifted, held with {force:.1f} N at a width of {width:.1f} mm")
+    return Outcome(name="together") if store.settings.together else outcome
 
 
 def _held(store: StoreState, cause: Cause, text: str) -> Outcome | None:
+    """Check that the closed gripper holds something as wide as the item."""
     if store.elapsed < store.settings.waits.grip:
         return None
-    _, item = store.now
-    gripper, yaw = store.inputs.gripper, store.expected().yaw
-    expected = item.width_along(yaw)
+    gripper, expected = store.inputs.gripper, store.item.width_along(store.expected().yaw)
     if gripper.holding and gripper.width >= expected - store.settings.width_tolerance:
         return Outcome(name="held")
     text = f"{text}, width {gripper.width:.3f} m"
@@ -231,8 +221,7 @@ def _held(store: StoreState, cause: Cause, text: str) -> Outcome | None:
 
 def check_height(store: StoreState) -> Outcome | None:
     """Check that the tip is low enough for the base to move."""
-    sale, _ = store.now
-    is_safe = sale.tip <= store.settings.safe_height
+    is_safe = store.now[0].tip <= store.settings.safe_height
     return Outcome(name="safe" if is_safe else "too_high")
 
 
@@ -272,8 +261,7 @@ def _other_approach(store: StoreState, problem: Outcome) -> Outcome:
 
 def check_width(store: StoreState) -> Outcome | None:
     """Check that the gripper is open no wider than the approach wants it."""
-    sale, _ = store.now
-    is_wide = sale.opening > store.opening() + _SAME_WIDTH
+    is_wide = store.now[0].opening > store.opening() + _SAME_WIDTH
     return Outcome(name="too_wide" if is_wide else "wide")
 
 
@@ -302,7 +290,7 @@ CHECKS: Mapping[str, Check] = {
     "correct": correct,
     "aim": lambda store: _dropped(store) or aim(store),
     "check_width": check_width,
-    "check_grip": check_grip,
+    "check_grip": lambda store: _held(store, Cause.NOT_HELD, "not held"),
     "check_lift": check_lift,
     "check_height": check_height,
     "depart": departed,
@@ -311,7 +299,7 @@ CHECKS: Mapping[str, Check] = {
     "come_home": landed,
     "verify": verify,
     "park": parked,
-    "halt": halted,
+    "halt": at_rest,
     "retry": retry,
     "stop": at_rest,
     "recover": recovered,

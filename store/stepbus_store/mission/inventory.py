@@ -1,16 +1,10 @@
 """The types of goods that a shop has, read from a world file."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from stepbus_schemas import (
-    Description,
-    Point,
-    Poses,
-    Quaternion,
-    WiringError,
-)
+from stepbus_schemas import Description, Point, Poses, Quaternion, WiringError
 from stepbus_store.mission.geometry import nearest_quarter
 from stepbus_store.poses import yaw_of
 from stepbus_store.solids import read_solids
@@ -52,11 +46,6 @@ class Item:
         """Return the height of its upper end [m]."""
         return self.position[2] + self.measures.top
 
-    @property
-    def body_top(self) -> float:
-        """Return the height of the upper end of its body, without the neck [m]."""
-        return self.position[2] + self.measures.body_top
-
     def width_along(self, yaw: float) -> float:
         """Return the width of its body between fingers that close along a heading [m]."""
         turn = nearest_quarter(self.yaw, yaw) - self.yaw
@@ -68,9 +57,9 @@ class Stock:
     """All items, with their poses at the last inventory or update.
 
     description: of the plant's output of poses. shelves: their names; the item `cola_a1_3` of type
-    cola is on the shelf whose name starts its slot `a1_3`.
-    Raises WiringError for an item without a known shape, and unless there is one type and one
-    shape per link.
+    cola is on the shelf whose name starts its slot `a1_3`. items, measures: by name. types:
+    each once; all in the plant's order. Raises WiringError for an item without a known shape, and
+    unless there is one type and one shape per link.
     """
 
     def __init__(self, description: Description, shelves: Sequence[str]) -> None:
@@ -85,45 +74,23 @@ class Stock:
         self._index = {name: index for index, name in enumerate(names)}
         self._shelves = shelves
         self._types = {n: t for n, t in zip(names, types, strict=True) if t}
-        self._measures = {name: measures(name, shapes[self._index[name]]) for name in self._types}
-        self._items: dict[str, Item] = {}
-
-    @property
-    def items(self) -> Mapping[str, Item]:
-        """Return all items by name, in the plant's order."""
-        return self._items
-
-    @property
-    def types(self) -> list[str]:
-        """Return every type once, in the plant's order."""
-        return list(dict.fromkeys(self._types.values()))
-
-    @property
-    def names(self) -> list[str]:
-        """Return the names of all items, in the plant's order."""
-        return list(self._types)
-
-    def measures(self, name: str) -> Measures:
-        """Return the dimensions of an item."""
-        return self._measures[name]
+        self.types = list(dict.fromkeys(self._types.values()))
+        self.measures = {name: measures(name, shapes[self._index[name]]) for name in self._types}
+        self.items: dict[str, Item] = {}
 
     def take_inventory(self, poses: Poses) -> None:
         """Record the pose of every item."""
-        self._items = {
-            name: self._item(name, item_type, poses) for name, item_type in self._types.items()
-        }
-
-    def _item(self, name: str, item_type: str, poses: Poses) -> Item:
-        slot = name.removeprefix(f"{item_type}_")
-        position, turn = self.pose(name, poses)
-        return Item(
-            name=name,
-            type=item_type,
-            shelf=next((s for s in self._shelves if slot.startswith(s)), ""),
-            position=position,
-            yaw=yaw_of(turn),
-            measures=self._measures[name],
-        )
+        for name, item_type in self._types.items():
+            slot = name.removeprefix(f"{item_type}_")
+            position, turn = self.pose(name, poses)
+            self.items[name] = Item(
+                name=name,
+                type=item_type,
+                shelf=next((s for s in self._shelves if slot.startswith(s)), ""),
+                position=position,
+                yaw=yaw_of(turn),
+                measures=self.measures[name],
+            )
 
     def pose(self, name: str, poses: Poses) -> tuple[Point, Quaternion]:
         """Return the true pose of an item."""
@@ -133,7 +100,7 @@ class Stock:
     def update(self, name: str, poses: Poses) -> None:
         """Record the new pose of an item that was moved on purpose."""
         position, turn = self.pose(name, poses)
-        self._items[name] = replace(self._items[name], position=position, yaw=yaw_of(turn))
+        self.items[name] = replace(self.items[name], position=position, yaw=yaw_of(turn))
 
 
 def measures(name: str, shapes: str) -> Measures:

@@ -14,7 +14,6 @@ from stepbus_participant import (
     NonNegative,
     Positive,
     Settings,
-    SettingsError,
     Text,
     Vector3,
     parameters,
@@ -258,11 +257,7 @@ def _types_in(path: Path) -> list[str]:
 
     Raises ValueError with a sentence for a file without any, or one that cannot be read.
     """
-    try:
-        data = parameters.read_yaml(path, "a world needs at least 'bodies'").data
-    except SettingsError as exc:
-        raise ValueError(str(exc)) from exc
-    stock = data.get("stock")
+    stock = parameters.read_yaml(path, "a world needs at least 'bodies'").data.get("stock")
     types = stock.get("types") if isinstance(stock, dict) else None
     if not isinstance(types, dict) or not types:
         raise ValueError(f"{path.name} has no stock.types")

@@ -50,7 +50,7 @@ class Unsold:
     reason: str
 
 
-def table(results: Sequence[SaleResult], unsold: Sequence[Unsold] = ()) -> str:
+def _table(results: Sequence[SaleResult], unsold: Sequence[Unsold]) -> str:
     """Return one line for each order, in columns below a header."""
     sold = {result.number: result.cells() for result in results}
     rest = {row.number: (str(row.number), row.order, f"not sold: {row.reason}") for row in unsold}
@@ -69,9 +69,9 @@ def summary(
     orders: int,
     duration: float,
     *,
-    failure: str = "",
-    unsold: Sequence[Unsold] = (),
-    by: str = "",
+    failure: str,
+    unsold: Sequence[Unsold],
+    by: str,
 ) -> str:
     """Return the table and a summary line.
 
@@ -85,5 +85,5 @@ def summary(
         moved = [result.moved for result in results if result.moved is not None]
         if moved:
             last += f", other items moved up to {max(moved) * 1e3:.1f} mm"
-    parts = [table(results, unsold), last] if results or unsold else [last]
+    parts = [_table(results, unsold), last] if results or unsold else [last]
     return "\n".join([*parts, failure] if failure else parts)

@@ -21,25 +21,21 @@ _AT_REST = 0.005
 
 def at_rest(store: StoreState) -> Outcome | None:
     """Wait until the arm is at rest and the base has been at rest for a while."""
-    visit, waits = store.visit, store.settings.waits
-    base = store.inputs.odometry
-    status = store.inputs.status
-    base_at_rest = max(abs(base.vx), abs(base.wz)) < _AT_REST
-    if not base_at_rest or status is None or status.state != "succeeded":
+    visit, waits, status = store.visit, store.settings.waits, store.inputs.status
+    if _moves(store) or status is None or status.state != "succeeded":
         visit.since_ns = None
     elif visit.since_ns is None:
         visit.since_ns = store.inputs.t_ns
     if visit.since_ns is not None and store.since(visit.since_ns) >= waits.rest:
-        store.rest = "everything is at rest"
-        if overturned(store) is not None:
-            store.rest = f"all motors are at rest; {_tilted(store)}"
+        tilted = f"all motors are at rest; {_tilted(store)}"
+        store.rest = tilted if overturned(store) else "everything is at rest"
         cause = store.problem.cause if store.problem is not None else ""
         recovers = store.settings.recover and cause not in (*_LOST, Cause.ARM_JAMMED, Cause.TILTED)
         return Outcome(name="recover" if recovers else "rest")
     if store.elapsed < waits.halt:
         return None
     store.rest = f"not at rest after {waits.halt:g} s, {_restless(store)}"
-    return Outcome(name="restless")
+    return Outcome(name="restless", cause=Cause.NOT_SETTLED, text=store.rest)
 
 
 def overturned(store: StoreState) -> Outcome | None:
@@ -55,66 +51,58 @@ def _tilted(store: StoreState) -> str:
 
 def rest_of(store: StoreState) -> str:
     """Return whether the base is at rest, where nothing is commanded to the arm."""
+    is_restless = _moves(store) or overturned(store)
+    return f"not at rest, {_restless(store)}" if is_restless else "everything is at rest"
+
+
+def _moves(store: StoreState) -> bool:
     base = store.inputs.odometry
-    if max(abs(base.vx), abs(base.wz)) < _AT_REST and overturned(store) is None:
-        return "everything is at rest"
-    return f"not at rest, {_restless(store)}"
+    return not max(abs(base.vx), abs(base.wz)) < _AT_REST
 
 
 def _restless(store: StoreState) -> str:
     base, status = store.inputs.odometry, store.inputs.status
     if overturned(store) is not None:
         return _tilted(store)
-    if max(abs(base.vx), abs(base.wz)) >= _AT_REST:
+    if _moves(store):
         return f"the base moves at {base.vx:.3f} m/s and {base.wz:.3f} rad/s"
     if status is None:
         return NO_ANSWER
     return f"the controller reports {status.state}" + (f", {status.text}" if status.text else "")
 
 
-def halted(store: StoreState) -> Outcome | None:
-    """Wait until everything is at rest after the last sale."""
-    outcome = at_rest(store)
-    if outcome is not None and outcome.name == "restless":
-        return Outcome(name="restless", cause=Cause.NOT_SETTLED, text=store.rest)
-    return outcome
-
-
 class Interruption:
-    """Follows an emergency stop; is_over: it was not released in time."""
+    """Follows an emergency stop; stop: the one in force; is_over: it was not released in time."""
 
     def __init__(self) -> None:
-        self._stop: EmergencyStop | None = None
+        self.stop: EmergencyStop | None = None
         self.is_over = False
 
-    @property
-    def is_held(self) -> bool:
-        """Return whether an emergency stop is in force."""
-        return self._stop is not None
-
-    def holds(self, store: StoreState, now: EmergencyStop | None) -> bool:
-        """Return whether nothing may be commanded; report the stop, and its release."""
-        was, self._stop = self._stop, now if now is not None and now.active else None
-        if self._stop is None:
+    def holds(self, store: StoreState) -> bool:
+        """Return whether nothing may be commanded; report the stop."""
+        now, was = store.inputs.stop, self.stop
+        self.stop = now if now is not None and now.active else None
+        if self.stop is None:
             return False
         if was is None:
-            text = f"{self._stop}: nothing is commanded until it is released"
-            store.log.append(("warning", text))
+            text = "nothing is commanded until it is released"
+            store.log.append(("warning", f"{self.stop}: {text}"))
         longest = store.settings.waits.release
-        if store.inputs.t_ns * 1e-9 - self._stop.since >= longest:
-            text = f"{self._stop}, not released for {longest:g} s"
+        if store.inputs.t_ns * 1e-9 - self.stop.since >= longest:
+            text = f"{self.stop}, not released for {longest:g} s"
             store.record_problem(Outcome(name="failed", cause=Cause.EMERGENCY_STOP, text=text))
             store.rest = rest_of(store)
             self.is_over = True
         return True
 
-    def resumes(self, store: StoreState, now: EmergencyStop | None) -> str:
+    def resumes(self, store: StoreState) -> str:
         """Return the state to begin again at the step of a release, else nothing; call it first."""
-        if self._stop is None or now is None or now.active:
+        now = store.inputs.stop
+        if self.stop is None or now is None or now.active:
             return ""
         # Beside a base that drives, it is sent off again; all others begin once more.
         state = BESIDE.get(store.visit.state, store.visit.state)
-        took = now.since - self._stop.since
+        took = now.since - self.stop.since
         text = f"emergency stop released by {now.by} after {took:.2f} s; goes on"
         store.log.append(("info", f"{text} {STATES[state].doing}"))
         return state

@@ -206,6 +206,11 @@ class StoreState:
             raise LookupError(f"state {self.visit.state!r} needs an item")
         return self.sale, self.sale.item
 
+    @property
+    def item(self) -> Item:
+        """Return the item of the sale in progress."""
+        return self.now[1]
+
     def report(self, text: str, level: Level = "info") -> None:
         """Log a sentence about the sale in progress."""
         self.log.append((level, f"{self.sale}: {text}"))
@@ -214,14 +219,7 @@ class StoreState:
     def tilt(self) -> float:
         """Return by how much the base is tilted [rad]; 0 where nothing measures it."""
         imu = self.inputs.imu
-        if imu is None or imu.orientation is None:
-            return 0.0
-        return tilt_of(imu.orientation)
-
-    @property
-    def carries(self) -> bool:
-        """Return whether the gripper carries an item, which may be lost."""
-        return STATES[self.visit.state].carries
+        return 0.0 if imu is None or imu.orientation is None else tilt_of(imu.orientation)
 
     @property
     def elapsed(self) -> float:
@@ -244,16 +242,16 @@ class StoreState:
 
     def all_unsold(self) -> list[Unsold]:
         """Return the orders that were left out, the one that failed, and those after it."""
-        rows, problem, sale = list(self.unsold), self.problem, self.sale
-        known = {row.number for row in rows} | {result.number for result in self.results}
-        if problem and sale and sale.number not in known:
-            name = sale.item.name if sale.item else str(sale.order)
-            rows.append(Unsold(number=sale.number, order=name, reason=f"failed while {self.doing}"))
-        known |= {row.number for row in rows}
+        rows, sale = {}, self.sale
         for number, order in enumerate(self.settings.orders, 1):
-            if number not in known:
-                rows.append(Unsold(number=number, order=str(order), reason="not tried"))
-        return rows
+            rows[number] = Unsold(number=number, order=str(order), reason="not tried")
+        if self.problem and sale:
+            name = sale.item.name if sale.item else str(sale.order)
+            reason = f"failed while {self.doing}"
+            rows[sale.number] = Unsold(number=sale.number, order=name, reason=reason)
+        rows |= {row.number: row for row in self.unsold}
+        sold = {result.number for result in self.results}
+        return [row for number, row in rows.items() if number not in sold]
 
     def failure(self) -> str:
         """Return a sentence about the failure, and how the stop went."""
@@ -265,6 +263,10 @@ class StoreState:
     def shelf(self, item: Item) -> Spot:
         """Return a point on the front line of an item's shelf, with the heading towards it."""
         return self.settings.shelves[item.shelf].spot
+
+    def outlet_spot(self) -> Spot:
+        """Return the item's spot in the outlet."""
+        return self.settings.outlet_spot(self.now[0].number - 1, self.planned)
 
     def in_odometry(self, spot: Spot) -> Spot:
         """Return a spot of the map in the frame of odometry, which drifts (ROS, REP 105)."""
@@ -278,9 +280,8 @@ class StoreState:
     def expected(self) -> Spot:
         """Return the item's expected position, with the heading along which the gripper opens."""
         sale, item = self.now
-        if sale.detected is not None:
-            return replace(sale.detected, yaw=self.opening_yaw(sale.detected.yaw))
-        spot = self.in_odometry(Spot(x=item.position[0], y=item.position[1], yaw=item.yaw))
+        place = Spot(x=item.position[0], y=item.position[1], yaw=item.yaw)
+        spot = sale.detected or self.in_odometry(place)
         return replace(spot, yaw=self.opening_yaw(spot.yaw))
 
     def opening_yaw(self, yaw: float) -> float:
@@ -304,6 +305,6 @@ class StoreState:
 
     def grip_height(self) -> float:
         """Return the height of the tip when it grips the item [m]."""
-        _, item = self.now
-        settings = self.settings
-        return max(item.body_top - settings.grasp_depth, item.top - settings.grasp_reach)
+        item, settings = self.item, self.settings
+        body_top = item.position[2] + item.measures.body_top
+        return max(body_top - settings.grasp_depth, item.top - settings.grasp_reach)

@@ -1,6 +1,6 @@
 """The states of the mission: what each does, and which state follows on which outcome."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 
@@ -19,28 +19,17 @@ class State:
     looks: bool = False
 
 
-def _goal(doing: str, then: str) -> State:
-    return State(doing=doing, then={"done": then, "failed": "stop"})
+def _ending(**failures: str) -> Callable[[str, str], State]:
+    """Return a maker of states from what each does, and the state after it; failures: others."""
+    carries = "dropped" in failures
+    return lambda doing, then: State(doing=doing, then={"done": then, **failures}, carries=carries)
 
 
-def _grasp(doing: str, then: str) -> State:
-    return State(doing=doing, then={"done": then, "failed": "retry"})
-
-
-def _carry(doing: str, then: str) -> State:
-    then_by_outcome = {"done": then, "failed": "stop", "dropped": "stop"}
-    return State(doing=doing, then=then_by_outcome, carries=True)
-
-
-def _trip(doing: str, then: str) -> State:
-    then_by_outcome = {"done": then, "failed": "stop", "blocked": "fold_again"}
-    return State(doing=doing, then=then_by_outcome)
-
-
-def _bring(doing: str, then: str) -> State:
-    then_by_outcome = {"done": then, "failed": "stop", "dropped": "stop", "blocked": "withdraw"}
-    return State(doing=doing, then=then_by_outcome, carries=True)
-
+_goal = _ending(failed="stop")
+_grasp = _ending(failed="retry")
+_trip = _ending(failed="stop", blocked="fold_again")
+_carry = _ending(failed="stop", dropped="stop")
+_bring = _ending(failed="stop", dropped="stop", blocked="withdraw")
 
 FIRST = "order"
 LAST = ("end", "failed")

@@ -10,15 +10,7 @@ from dataclasses import replace
 
 import msgspec
 
-from stepbus_participant import (
-    CallError,
-    Config,
-    Method,
-    Ports,
-    SettingsError,
-    Step,
-    suggest,
-)
+from stepbus_participant import CallError, Config, Method, Ports, SettingsError, Step, suggest
 from stepbus_schemas import (
     BaseState,
     CameraTrigger,
@@ -44,15 +36,7 @@ from stepbus_store.mission.inventory import Stock
 from stepbus_store.mission.params import Params, unknown_type
 from stepbus_store.mission.report import WITNESSES, summary
 from stepbus_store.mission.rest import Interruption, overturned
-from stepbus_store.mission.state import (
-    ASIDES,
-    Inputs,
-    Level,
-    LogEntry,
-    Outcome,
-    StoreState,
-    Visit,
-)
+from stepbus_store.mission.state import ASIDES, Inputs, Level, LogEntry, Outcome, StoreState, Visit
 from stepbus_store.mission.state_goals import GOALS
 from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
 from stepbus_store.mission.verification import looked_at, wants_image
@@ -155,13 +139,12 @@ class StoreMission(Remembering):
             where = f"participants.{self.config.name}.params"
             raise WiringError("\n".join(f"{where}.{problem}" for problem in problems))
         self._stock, self._links = stock, description.names
-        contacts = self._ports.contacts
-        self._robot_links = (
-            frozenset(inputs[contacts].names) if contacts is not None else frozenset()
-        )
-        names, is_true = description.names, self._settings.verification == "truth"
+        contacts, names = self._ports.contacts, description.names
+        self._robot_links = frozenset(inputs[contacts].names if contacts is not None else ())
+        self._is_true = self._settings.verification == "truth"
         frame = self._settings.prefix + self._settings.base_frame
-        self._true_base = TrueBase(names.index(frame)) if is_true and frame in names else None
+        is_known = self._is_true and frame in names
+        self._true_base = TrueBase(names.index(frame)) if is_known else None
         self.remember()
 
     def update(self, step: Step) -> Mapping[str, Message]:
@@ -179,7 +162,7 @@ class StoreMission(Remembering):
 
     def _look(self, store: StoreState) -> dict[str, Message]:
         """Return a request for an image, where one is wanted and the camera waits for requests."""
-        port, is_stopped = self._ports.camera, self._interruption.is_held
+        port, is_stopped = self._ports.camera, self._interruption.stop is not None
         if port is None or is_stopped or not wants_image(store):
             return {}
         store.visit.asked_ns = store.inputs.t_ns
@@ -193,16 +176,15 @@ class StoreMission(Remembering):
         check_poses(self._ports.poses, self._links, inputs.poses)
         if self._store is None:
             self._stock.take_inventory(inputs.poses)
-            visit = Visit(state=FIRST, start_ns=step.t_ns)
             self._store = StoreState(
                 settings=settings,
                 planned=len(settings.orders) - len(self._further),
                 stock=self._stock,
                 witness=Witness(self._stock, inputs.poses, settings.tolerances.moved)
-                if settings.verification == "truth"
+                if self._is_true
                 else None,
                 blows=Blows(self._robot_links),
-                visit=visit,
+                visit=Visit(state=FIRST, start_ns=step.t_ns),
                 inputs=inputs,
             )
         self._store.inputs = inputs
@@ -219,8 +201,8 @@ class StoreMission(Remembering):
         """Report items that others move."""
         inputs = store.inputs
         sold = store.sale.item.name if store.sale and store.sale.item else ""
-        for moved in witness.watch(inputs.poses, inputs.t_ns * 1e-9, sold):
-            text = f"{moved.item} was moved by {moved.distance * 1e3:.1f} mm, not by the robot"
+        for item, distance in witness.watch(inputs.poses, inputs.t_ns * 1e-9, sold):
+            text = f"{item} was moved by {distance * 1e3:.1f} mm, not by the robot"
             store.log.append(("warning", text))
 
     def _read(self, step: Step) -> Inputs:
@@ -257,17 +239,15 @@ class StoreMission(Remembering):
 
     def _advance(self, store: StoreState) -> Goal | None:
         """Change states until one has to wait; return its goal, if it sends one."""
-        interruption, stop = self._interruption, store.inputs.stop
-        again = interruption.resumes(store, stop)
-        if interruption.holds(store, stop):
-            if interruption.is_over:
-                store.visit = Visit(state="failed", start_ns=store.inputs.t_ns)
-            return None
+        again = self._interruption.resumes(store)
+        if self._interruption.holds(store):
+            return self._send(store, "failed") if self._interruption.is_over else None
         if again:
-            return self._send(store, Visit(state=again, start_ns=store.inputs.t_ns))
+            return self._send(store, again)
         lost = _lost(store.inputs) or overturned(store)
         if lost is not None and store.visit.state not in ("stop", *LAST):
-            return self._go_to(store, "stop", lost)
+            store.record_problem(lost)
+            return self._send(store, "stop")
         while True:
             outcome = CHECKS.get(store.visit.state, arrived)(store)
             if outcome is None:
@@ -287,16 +267,14 @@ class StoreMission(Remembering):
         if not is_line or visit.state not in PLANNABLE:
             return None
         store.report(f"{outcome.text}; along a planned path instead", "warning")
-        visit = Visit(state=visit.state, start_ns=store.inputs.t_ns, is_planned=True)
-        return self._send(store, visit)
+        return self._send(store, visit.state, is_planned=True)
 
     def _elsewhere(self, store: StoreState, outcome: Outcome) -> Goal | None:
         """Return the goal to another place before the shelf, or the outlet.
 
         That is where there is no way to the one so far, or from there none for the arm.
         """
-        sale = store.sale
-        trip = TRIPS.get(store.visit.state)
+        sale, trip = store.sale, TRIPS.get(store.visit.state)
         served = (*TRIPS.values(), "reach", "arrive", "come_home")
         can_help = outcome.doing or store.visit.state in served
         if sale is None or trip is None or outcome.cause != Cause.NO_PATH or not can_help:
@@ -306,7 +284,7 @@ class StoreMission(Remembering):
         sale.asides += 1
         where = f"{abs(sale.aside):.2f} m beside it"
         store.report(f"{outcome.text}; next, a place {where}", "warning")
-        return self._send(store, Visit(state=trip, start_ns=store.inputs.t_ns))
+        return self._send(store, trip)
 
     def _withdrawn(self, store: StoreState, outcome: Outcome) -> Outcome:
         """Return the outcome; blocked: the arm draws in first, then the base drives on without."""
@@ -319,18 +297,16 @@ class StoreMission(Remembering):
         return replace(outcome, name="blocked")
 
     def enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
-        """Enter the next state; return its goal, if it has one."""
-        return self._go_to(store, STATES[store.visit.state].then[outcome.name], outcome)
-
-    def _go_to(self, store: StoreState, state: str, outcome: Outcome) -> Goal | None:
+        """Enter the state that follows on an outcome; return its goal, if it has one."""
+        state = STATES[store.visit.state].then[outcome.name]
         if state in {"retry", "stop"}:
             store.record_problem(outcome)
-        return self._send(store, Visit(state=state, start_ns=store.inputs.t_ns))
+        return self._send(store, state)
 
-    def _send(self, store: StoreState, visit: Visit) -> Goal | None:
-        """Start a visit; return its goal, if the state has one."""
-        store.visit = visit
-        make_goal = GOALS.get(visit.state)
+    def _send(self, store: StoreState, state: str, *, is_planned: bool = False) -> Goal | None:
+        """Start a visit to a state; return its goal, if it has one."""
+        visit = Visit(state=state, start_ns=store.inputs.t_ns, is_planned=is_planned)
+        store.visit, make_goal = visit, GOALS.get(state)
         if make_goal is None:
             return None
         goal = msgspec.structs.replace(make_goal(store), id=self._goals)
@@ -338,7 +314,7 @@ class StoreMission(Remembering):
         visit.goal, visit.goal_type = goal.id, goal.type
         if goal.type in {"go_to", "go_together"}:
             store.trip, store.destination = goal.id, goal.base
-            store.trip_doing, store.trip_text = STATES[visit.state].doing, ""
+            store.trip_doing, store.trip_text = STATES[state].doing, ""
             store.inputs = replace(store.inputs, trip=None)
         return goal
 
@@ -349,16 +325,14 @@ class StoreMission(Remembering):
             self._failure = store.failure()
             store.log.append(("error", self._failure))
         else:
-            orders = len(self._settings.orders)
-            text = f"{len(store.results)} of {orders} sales are done"
+            text = f"{len(store.results)} of {len(self._settings.orders)} sales are done"
             unsold = "; ".join(f"no {row.order}: {row.reason}" for row in store.unsold)
             step.end(f"{text}; {unsold}" if unsold else text)
 
     def _events(self, store: StoreState) -> dict[str, Message]:
         """Return the log of this step, and at the end the report."""
-        log, store.log = store.log, []
-        ports = self._ports
-        report: list[LogEntry] = []
+        logs, store.log = {self._ports.events: store.log}, []
+        report = logs.setdefault(self._ports.summary, [])
         if self._is_done:
             text = summary(
                 store.results,
@@ -369,9 +343,7 @@ class StoreMission(Remembering):
                 by=WITNESSES[self._settings.verification],
             )
             report.append(("info", text))
-        if ports.summary == ports.events:
-            return _event(ports.events, [*log, *report])
-        return _event(ports.events, log) | _event(ports.summary, report)
+        return {port: _event(log) for port, log in logs.items() if log}
 
 
 def _lost(inputs: Inputs) -> Outcome | None:
@@ -384,20 +356,18 @@ def _lost(inputs: Inputs) -> Outcome | None:
     return None
 
 
-def _event(port: str, log: Sequence[LogEntry]) -> dict[str, Message]:
+def _event(log: Sequence[LogEntry]) -> Event:
     """Return the entries as one message, a line each, with the highest level among them."""
-    if not log:
-        return {}
     level = max((level for level, _ in log), key=_LEVELS.index)
-    return {port: Event(level=level, text="\n".join(text for _, text in log))}
+    return Event(level=level, text="\n".join(text for _, text in log))
 
 
 def _unknown(settings: Params, stock: Stock, links: Sequence[str]) -> list[str]:
     """Return a sentence for each item or link of the scenario that the plant does not have."""
     problems = [
-        f"orders: item {order.item!r} is unknown{suggest(order.item, stock.names)}"
+        f"orders: item {order.item!r} is unknown{suggest(order.item, stock.measures)}"
         for order in settings.orders
-        if order.item and order.item not in stock.names
+        if order.item and order.item not in stock.measures
     ]
     if settings.catalog is None:
         problems += [

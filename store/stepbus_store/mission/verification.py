@@ -40,10 +40,9 @@ def looked_at(store: StoreState) -> Point | None:
     state = store.visit.state
     if state not in ("find", "correct", "verify"):
         return None
-    sale, item = store.now
-    spot, height = store.expected(), item.top
+    item, spot, height = store.item, store.expected(), store.item.top
     if state == "verify":
-        spot = store.in_odometry(store.settings.outlet_spot(sale.number - 1, store.planned))
+        spot = store.in_odometry(store.outlet_spot())
         height = store.settings.outlet.position[2] + item.top - item.bottom
     ahead, left = spot_of(store.inputs.odometry).sees(spot.x, spot.y)
     return (ahead, left, height)
@@ -58,13 +57,13 @@ def find(store: StoreState) -> Outcome | None:
             store.missing[item.name] = spot.cause
             store.report(spot.text, "warning")
         return spot
-    if spot is not None:
-        off = _distance(spot, store.expected())
-        store.report(f"found {item.name}, {off * 1e3:.1f} mm from where it was expected")
-        sale.detected, sale.corrections = spot, 0
-        sale.attempts += 1
-        return Outcome(name="found")
-    return None
+    if spot is None:
+        return None
+    off = _distance(spot, store.expected())
+    store.report(f"found {item.name}, {off * 1e3:.1f} mm from where it was expected")
+    sale.detected, sale.corrections = spot, 0
+    sale.attempts += 1
+    return Outcome(name="found")
 
 
 def aim(store: StoreState) -> Outcome | None:
@@ -110,10 +109,9 @@ def _locate(store: StoreState) -> Spot | Outcome | None:
     detections = _view(store, "shelf", "blind")
     if not isinstance(detections, Detections):
         return detections
-    seen = nearest(store, detections, store.expected())
-    if seen is None and store.visit.views == store.settings.views:
-        return _missing(store, detections)
-    return None if seen is None else seen[0]
+    if seen := nearest(store, detections, store.expected()):
+        return seen[0]
+    return _missing(store, detections) if store.visit.views == store.settings.views else None
 
 
 def _view(store: StoreState, where: str, blind: str) -> Detections | Outcome | None:
@@ -140,7 +138,7 @@ def nearest(
 
     None: none that stands is near enough. lies: look for one that lies.
     """
-    _, item = store.now
+    item = store.item
     rows = zip(detections.types, detections.position, detections.orientation, strict=True)
     spots = [
         (_in_odometry(store, detections.frame, position, yaw_of(orientation)), position[2])
@@ -150,9 +148,7 @@ def nearest(
     seen = min(spots, key=lambda row: _distance(row[0], expected), default=None)
     # What has toppled has its middle half its height away.
     near = store.settings.tolerances.found + ((item.top - item.bottom) / 2 if lies else 0.0)
-    if seen is None or _distance(seen[0], expected) > near:
-        return None
-    return seen
+    return None if seen is None or _distance(seen[0], expected) > near else seen
 
 
 def _distance(a: Spot, b: Spot) -> float:
@@ -173,8 +169,7 @@ def _in_odometry(store: StoreState, frame: str, position: Point, yaw: float) -> 
 
 def _missing(store: StoreState, detections: Detections) -> Outcome:
     """Return why the item cannot be taken: it lies, something hides it, or it is not there."""
-    _, item = store.now
-    near = store.settings.tolerances.found * 1e3
+    item, near = store.item, store.settings.tolerances.found * 1e3
     expected, views = store.expected(), f"in {store.visit.views} views"
     if lying := nearest(store, detections, expected, lies=True):
         off = _distance(lying[0], expected) * 1e3
@@ -183,13 +178,10 @@ def _missing(store: StoreState, detections: Detections) -> Outcome:
     if detections.hidden > _HIDDEN:
         text = f"something hides {detections.hidden:.0%} of where {item.name} should be {views}"
         return Outcome(name="missing", cause=Cause.HIDDEN, text=f"hidden, {text}")
-    types = (
-        ", ".join(t for t in dict.fromkeys(detections.types) if t in store.stock.types) or "nothing"
-    )
-    text = (
-        f"no {item.type} within {near:g} mm of where {item.name} should be {views}; seen: {types}"
-    )
-    return Outcome(name="missing", cause=Cause.MISSING, text=f"missing, {text}")
+    seen = ", ".join(t for t in dict.fromkeys(detections.types) if t in store.stock.types)
+    where = f"within {near:g} mm of where {item.name} should be {views}"
+    text = f"missing, no {item.type} {where}; seen: {seen or 'nothing'}"
+    return Outcome(name="missing", cause=Cause.MISSING, text=text)
 
 
 def verify(store: StoreState) -> Outcome | None:
@@ -198,10 +190,9 @@ def verify(store: StoreState) -> Outcome | None:
         return _verify_by_camera(store)
     if store.elapsed < store.settings.waits.rest:
         return None
-    (sale, item), settings, poses = store.now, store.settings, store.inputs.poses
-    allowed = settings.tolerances
+    item, settings, poses = store.item, store.settings, store.inputs.poses
+    allowed, spot = settings.tolerances, store.outlet_spot()
     (x, y, z), turn = store.stock.pose(item.name, poses)
-    spot = settings.outlet_spot(sale.number - 1, store.planned)
     away = math.hypot(x - spot.x, y - spot.y)
     moved, other = store.witness.largest(poses, item.name)
     fault = _off(store, away, z + item.measures.bottom - settings.outlet.position[2])
@@ -214,15 +205,14 @@ def verify(store: StoreState) -> Outcome | None:
 
 def _verify_by_camera(store: StoreState) -> Outcome | None:
     """Check the placement by the camera, which also sees the landmarks of the outlet."""
-    visit, settings = store.visit, store.settings
-    sale, item = store.now
+    item, settings = store.item, store.settings
     detections = _view(store, "outlet", "misplaced")
     if not isinstance(detections, Detections):
         return detections
-    spot = store.in_odometry(settings.outlet_spot(sale.number - 1, store.planned))
+    spot = store.in_odometry(store.outlet_spot())
     seen = nearest(store, detections, spot)
     if seen is None:
-        if visit.views < settings.views:
+        if store.visit.views < settings.views:
             return None
         near = settings.tolerances.found * 1e3
         text = f"no upright {item.type} is seen within {near:g} mm of its spot"

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 
 from stepbus_schemas import Contacts, Point, Poses
 from stepbus_store.mission.inventory import Measures, Stock
@@ -21,14 +20,6 @@ _BLOW, _BLAMED_FOR = 50.0, 3.0
 
 _STILL = 1e-4
 """Displacement between two samples below which an item has come to rest [m]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Moved:
-    """An item that another body moves; distance: from where it stood [m]."""
-
-    item: str
-    distance: float
 
 
 class Blows:
@@ -66,9 +57,9 @@ class Witness:
     """
 
     def __init__(self, stock: Stock, poses: Poses, tolerance: float) -> None:
-        self._stock = stock
+        self._stock, self._measures = stock, stock.measures
         self._tolerance = tolerance
-        self._rest = {name: stock.pose(name, poses)[0] for name in stock.names}
+        self._rest = {name: stock.pose(name, poses)[0] for name in stock.measures}
         self._last = dict(self._rest)
         self._felt: dict[str, float] = {}
         self._by_robot: dict[str, bool] = {}
@@ -81,10 +72,11 @@ class Witness:
             if (force > 0.0 or gap < _GAP) and not set(links).isdisjoint(pair):
                 self._felt.update((name, t) for name in pair if name in self._rest)
 
-    def watch(self, poses: Poses, t: float, besides: str) -> list[Moved]:
+    def watch(self, poses: Poses, t: float, besides: str) -> list[tuple[str, float]]:
         """Compare with the poses at a time [s]; return items that others have started to move.
 
-        besides: the item that the robot moves on purpose.
+        Returns their names, and how far each has moved [m]. besides: the item that the robot moves
+        on purpose.
         """
         farthest, self._at = _FASTEST * (t - self._at), t
         where = {name: self._stock.pose(name, poses)[0] for name in self._rest}
@@ -99,14 +91,11 @@ class Witness:
             self._by_robot |= dict.fromkeys(pushed, True)
         for name, now in where.items():
             before, self._last[name] = self._last[name], now
-            by_others = self._by_robot.get(name) is False and name not in starts
-            if by_others and math.dist(before, now) < _STILL:
+            is_known = self._by_robot.get(name) is False and name not in starts
+            if is_known and math.dist(before, now) < _STILL:
                 self.settle(name, poses)
-        return [
-            Moved(item=name, distance=math.dist(self._rest[name], where[name]))
-            for name in starts
-            if not self._by_robot[name]
-        ]
+        by_others = [name for name in starts if not self._by_robot[name]]
+        return [(name, math.dist(self._rest[name], where[name])) for name in by_others]
 
     def _starts(self, name: str, now: Point) -> bool:
         return name not in self._by_robot and math.dist(self._rest[name], now) > self._tolerance
@@ -127,7 +116,7 @@ class Witness:
 
     def _gap(self, name: str, other: str, now: Point) -> float:
         """Return how far apart an item, where it stood, and another one are, as round as wide."""
-        one, two, there = self._stock.measures(name), self._stock.measures(other), self._rest[name]
+        one, two, there = self._measures[name], self._measures[other], self._rest[name]
         apart = math.hypot(there[0] - now[0], there[1] - now[1]) - _radius(one) - _radius(two)
         below = there[2] + one.bottom - (now[2] + two.top)
         above = now[2] + two.bottom - (there[2] + one.top)

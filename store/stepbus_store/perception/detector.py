@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,20 +118,17 @@ def is_sunk(scene: Scene, others: Mask, item: Detection, item_type: ItemType) ->
 def _beyond(item: Detection, item_type: ItemType, points: Vector) -> Vector:
     """Return how far beside an upright item points are, shape (n, 3) [m]; below 0: over it."""
     axes = rotation(turn_about_z(item.yaw))
-    local = (points - item.position) @ axes + item_type.centre
-    beyond: Vector = np.min([face.beyond(local[:, :2]) for face in item_type.faces], axis=0)
-    return beyond
+    return item_type.beyond((points - item.position) @ axes + item_type.centre)
 
 
 def lying(
-    scene: Scene, among: Mask, types: Sequence[ItemType], upright: Sequence[Detection]
+    scene: Scene, among: Mask, types: Mapping[str, ItemType], upright: Sequence[Detection]
 ) -> Iterator[Detection]:
     """Yield the items that lie within a mask, shape (h, w), of the colour of some types."""
     rows, columns, points = scene.points(among)
     free = np.ones(len(points), dtype=bool)
-    by_name = {item_type.name: item_type for item_type in types}
     for item in upright:
-        free &= _beyond(item, by_name[item.type], points) >= MARGIN
+        free &= _beyond(item, types[item.type], points) >= MARGIN
     left = np.zeros(among.shape, dtype=np.uint8)
     left[rows[free], columns[free]] = 1
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(left, connectivity=8)
@@ -141,13 +138,11 @@ def lying(
         # What reaches the rim may be the visible part of anything.
         is_whole = x > 0 and y > 0 and x + wide < width and y + high < height
         if number and is_whole and pixels >= _FEWEST_PIXELS:
-            found = _fitting(points[free & (own == number)], types)
-            if found is not None:
-                yield found
+            yield from _fitting(points[free & (own == number)], types.values())
 
 
-def _fitting(points: Vector, types: Sequence[ItemType]) -> Detection | None:
-    """Return the item that lies where points are, shape (n, 3) [m]; None: it is none of them."""
+def _fitting(points: Vector, types: Iterable[ItemType]) -> Iterator[Detection]:
+    """Yield the item that lies where points are, shape (n, 3) [m], if it is one of these types."""
     flat = points[:, :2]
     spread = np.linalg.eigh(np.cov((flat - flat.mean(axis=0)).T))
     axis = spread.eigenvectors[:, -1]
@@ -160,14 +155,14 @@ def _fitting(points: Vector, types: Sequence[ItemType]) -> Detection | None:
             middle = axis * (along.max() + along.min()) / 2
             middle = middle + np.array([-axis[1], axis[0]]) * (across.max() + across.min()) / 2
             z = float(np.percentile(points[:, 2], _TOP)) - width / 2
-            return Detection(
+            yield Detection(
                 type=item_type.name,
                 position=(float(middle[0]), float(middle[1]), z),
                 yaw=math.atan2(axis[1], axis[0]),
                 confidence=min(1.0, length / tall),
                 lies=True,
             )
-    return None
+            return
 
 
 class Detector:
@@ -217,15 +212,15 @@ class Detector:
         self, scene: Scene, among: Mask, types: Sequence[ItemType]
     ) -> Iterator[Detection]:
         """Yield the items within a mask, those that stand first."""
+        by_name = {item_type.name: item_type for item_type in types}
         upright = [
             item
             for item in _best([*_candidates(scene, among, types)])
             if item.confidence >= self._min_confidence
+            and not is_sunk(scene, ~among, item, by_name[item.type])
         ]
-        by_name = {item_type.name: item_type for item_type in types}
-        upright = [item for item in upright if not is_sunk(scene, ~among, item, by_name[item.type])]
         yield from upright
-        yield from lying(scene, among, types, upright)
+        yield from lying(scene, among, by_name, upright)
 
 
 def _candidates(scene: Scene, among: Mask, types: Sequence[ItemType]) -> Iterator[_Candidate]:

@@ -50,11 +50,9 @@ class Scene:
         self._known = np.isfinite(view.depth) & (view.depth > 0)
         depth = np.where(self._known, view.depth, np.inf)
         rays_z = self._pixel_rays @ camera.rotation[2]
-        with np.errstate(invalid="ignore"):
-            self._height: Vector = np.where(
-                self._known, camera.translation[2] + depth * rays_z, -np.inf
-            )
-        with np.errstate(divide="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore"):
+            height = camera.translation[2] + depth * rays_z
+            self._height: Vector = np.where(self._known, height, -np.inf)
             self._pixel_area = view.depth**2 / (view.focal[0] * view.focal[1] * np.abs(rays_z))
         self.flat = self._known & self._horizontal()
         """Pixels of horizontal surfaces, shape (h, w)."""

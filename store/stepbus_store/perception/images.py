@@ -38,32 +38,22 @@ def make_view(images: dict[str, Image]) -> View:
 
     Raises RunError for images that do not match or are truncated.
     """
-    for port, image in images.items():
-        _check(port, image)
-    by_encoding = {image.encoding: image for image in images.values()}
+    by_encoding = {image.encoding: (image, _pixels(port, image)) for port, image in images.items()}
     if len(by_encoding) != len(_CHANNELS):
         encodings = ", ".join(f"{port!r} is {image.encoding}" for port, image in images.items())
         raise RunError(f"perception needs one image of rgb8 and one of 32FC1 (depth); {encodings}")
-    rgb, depth = by_encoding["rgb8"], by_encoding["32FC1"]
-    if _optics(rgb) != _optics(depth):
+    (color, rgb), (deep, depth) = by_encoding["rgb8"], by_encoding["32FC1"]
+    one, two = ((i.width, i.height, i.focal, i.centre) for i in (color, deep))
+    if one != two:
         raise RunError(
             "the images come from different cameras: width, height, focal, centre are "
-            f"{_optics(rgb)} "
-            f"in colour and {_optics(depth)} in depth"
+            f"{one} in colour and {two} in depth"
         )
-    return View(
-        rgb=_pixels(rgb),
-        depth=_pixels(depth)[:, :, 0].astype(np.float64),
-        focal=rgb.focal,
-        centre=rgb.centre,
-    )
+    depth = depth[:, :, 0].astype(np.float64)
+    return View(rgb=rgb, depth=depth, focal=color.focal, centre=color.centre)
 
 
-def _optics(image: Image) -> tuple[int, int, tuple[float, float], tuple[float, float]]:
-    return image.width, image.height, image.focal, image.centre
-
-
-def _check(port: str, image: Image) -> None:
+def _pixels(port: str, image: Image) -> NDArray[Any]:
     dtype, channels = _CHANNELS[image.encoding]
     size = image.width * image.height * channels * np.dtype(dtype).itemsize
     if len(image.data) != size or size == 0:
@@ -71,8 +61,4 @@ def _check(port: str, image: Image) -> None:
             f"input {port!r}: {image.width} x {image.height} pixels of {image.encoding} need "
             f"{size} bytes, received {len(image.data)}"
         )
-
-
-def _pixels(image: Image) -> NDArray[Any]:
-    dtype, channels = _CHANNELS[image.encoding]
     return np.frombuffer(image.data, dtype).reshape(image.height, image.width, channels)

@@ -51,6 +51,11 @@ class ItemType:
     faces: tuple[Face, ...]
     centre: tuple[float, float, float]
 
+    def beyond(self, points: Vector) -> Vector:
+        """Return how far points in the link's frame, shape (n, 3), are beside its faces [m]."""
+        beyond: Vector = np.min([face.beyond(points[:, :2]) for face in self.faces], axis=0)
+        return beyond
+
     @cached_property
     def samples(self) -> Vector:
         """Return points on its top faces that a camera above sees.

@@ -3,15 +3,7 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from stepbus_participant import (
-    ModelFile,
-    Names,
-    NonNegative,
-    Positive,
-    Settings,
-    Share,
-    Text,
-)
+from stepbus_participant import ModelFile, Names, NonNegative, Positive, Settings, Share, Text
 from stepbus_participant.parameters import Keys
 
 

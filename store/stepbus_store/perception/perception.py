@@ -7,13 +7,7 @@ import cv2
 import numpy as np
 
 from stepbus_kinematics import JointOrder, RobotModel
-from stepbus_participant import (
-    Config,
-    Ports,
-    Step,
-    installed_version,
-    parse_duration,
-)
+from stepbus_participant import Config, Ports, Step, installed_version, parse_duration
 from stepbus_schemas import (
     CameraTrigger,
     Description,
@@ -26,8 +20,8 @@ from stepbus_schemas import (
 )
 from stepbus_store.memory import Remembering
 from stepbus_store.perception.detector import Detector
-from stepbus_store.perception.images import View, make_view
-from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
+from stepbus_store.perception.images import make_view
+from stepbus_store.perception.item_catalog import read_catalog, with_landmarks
 from stepbus_store.perception.params import Params
 from stepbus_store.perception.truth import Truth
 
@@ -74,29 +68,21 @@ class Perception(Remembering):
 
         Raises WiringError for poses without items, and for joints that are not sensed.
         """
-        port, params = self._poses_port, self._params
-        described = inputs[port]
+        port, params, described = self._poses_port, self._params, inputs[self._poses_port]
         catalog = read_catalog(port, described)
-        if self._robot is not None:
-            self._start_camera(self._robot, catalog, inputs)
-        else:
+        if self._robot is None:
             self._truth = Truth(port, described.names, catalog, params.frame, params.prefix)
+        else:
+            if params.landmark:
+                name, radius = params.landmark, params.landmark_radius
+                catalog = with_landmarks(catalog, port, described, name, radius)
+            late = inputs[self._images[0]].details.get("latency")
+            steps = parse_duration(late[0]) // self.config.step_ns if late else 0
+            self._since = deque(maxlen=1 + steps // self.config.every)
+            self._detector = Detector(catalog, params.min_confidence, params.depth_noise)
+            joints = [params.prefix + joint for joint in self._robot.joints]
+            self._order = JointOrder(self._state_port, inputs[self._state_port].names, joints)
         self.remember()
-
-    def _start_camera(
-        self, robot: RobotModel, catalog: Catalog, inputs: Mapping[str, Description]
-    ) -> None:
-        params, port = self._params, self._poses_port
-        if params.landmark:
-            catalog = with_landmarks(
-                catalog, port, inputs[port], params.landmark, params.landmark_radius
-            )
-        late = inputs[self._images[0]].details.get("latency")
-        steps = parse_duration(late[0]) // self.config.step_ns if late else 0
-        self._since = deque(maxlen=1 + steps // self.config.every)
-        self._detector = Detector(catalog, params.min_confidence, params.depth_noise)
-        joints = [params.prefix + joint for joint in robot.joints]
-        self._order = JointOrder(self._state_port, inputs[self._state_port].names, joints)
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return new detections when they are due."""
@@ -109,6 +95,10 @@ class Perception(Remembering):
         return {} if detections is None else {self._detections_port: detections}
 
     def _from_images(self, step: Step, robot: RobotModel) -> Detections | None:
+        """Return the items in new images, with the joints and the request of their exposure.
+
+        Raises RunError for a request of a spot in another frame, and angles that are not finite.
+        """
         port = self._request_port
         request = step.get(port, CameraTrigger) if port and step.is_new(port) else None
         self._since.append((step.get(self._state_port, JointState), request))
@@ -116,17 +106,7 @@ class Perception(Remembering):
             return None
         view = make_view({name: step.read(name, Image) for name in self._images})
         state, request = self._since[0]
-        if state is None:
-            state = step.read(self._state_port, JointState)
-        return self._detections(robot, view, state, request)
-
-    def _detections(
-        self, robot: RobotModel, view: View, state: JointState, request: CameraTrigger | None
-    ) -> Detections:
-        """Return the items in a view; state, request: at the time of its exposure.
-
-        Raises RunError for a request of a spot in another frame, and angles that are not finite.
-        """
+        state = state or step.read(self._state_port, JointState)
         angles, frame = self._order.pick(state.position, "position"), self._params.frame
         if not np.isfinite(angles).all():
             raise RunError(f"input {self._state_port!r}: the angles {angles} rad must be finite")

@@ -98,7 +98,7 @@ def visible_share(scene: Scene, among: Mask, item_type: ItemType, pose: Any) -> 
     wrong = there & ~right & (off < LEVELS_APART)
     hidden = there & ~right & ~wrong
     local = (seen - pose.translation) @ pose.rotation
-    beyond = np.min([face.beyond(local[:, :2]) for face in item_type.faces], axis=0)
+    beyond = item_type.beyond(local)
     top = item_type.faces[0].offset[2] + LEVELS_APART
     itself = hidden & colored & (beyond < MARGIN) & (local[:, 2] < top)
     if wrong.sum() > _CONTRADICTED * (wrong | right).sum():

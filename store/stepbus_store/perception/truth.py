@@ -26,8 +26,9 @@ class Truth:
         self._port = port
         self._links = list(links)
         self._name, self._frame = frame, links.index(link)
-        self._items = [(links.index(link), name) for link, name in catalog.items.items()]
-        self._centres = {item_type.name: item_type.centre for item_type in catalog.types}
+        centres = {item_type.name: item_type.centre for item_type in catalog.types}
+        items = catalog.items.items()
+        self._items = [(name, links.index(link), centres[name]) for link, name in items]
 
     def detections(self, poses: Poses) -> Detections:
         """Return all items, in the order of the links, with confidence 1.
@@ -35,21 +36,16 @@ class Truth:
         Raises RunError for a wrong number of poses, and for an invalid one.
         """
         check_poses(self._port, self._links, poses)
-        indices = [index for index, _ in self._items]
-        origin, orientation = poses.position[self._frame], poses.orientation[self._frame]
-        axes = rotation(orientation)
-        centres = [
-            poses.position[index]
-            + rotation(poses.orientation[index]) @ self._centres[name]
-            - origin
-            for index, name in self._items
-        ]
+        at, turns = poses.position, poses.orientation
+        origin, turn = at[self._frame], turns[self._frame]
+        axes = rotation(turn)
+        centres = [at[n] + rotation(turns[n]) @ centre - origin for _, n, centre in self._items]
         return Detections(
             frame=self._name,
-            types=[name for _, name in self._items],
+            types=[name for name, _, _ in self._items],
             position=[tuple((centre @ axes).tolist()) for centre in centres],
-            orientation=[_inverse_times(orientation, poses.orientation[n]) for n in indices],
-            confidence=[1.0] * len(indices),
+            orientation=[_inverse_times(turn, turns[n]) for _, n, _ in self._items],
+            confidence=[1.0] * len(self._items),
         )
 
 

@@ -108,8 +108,8 @@ class Obstacles:
 
     described: of the input Poses/1: `names`, and `details` with `shape` and `body` per link, see
     docs/reference/world.md. frame: a link of the robot; placements are relative to it. prefix: what
-    the names of the robot's links begin with there. unknown:
-    names of links with shapes that the planner cannot check, such as meshes and planes.
+    the names of the robot's links begin with there. unknown: names of links with shapes that the
+    planner cannot check, such as meshes and planes.
     Raises WiringError for missing details and invalid shapes.
     """
 
@@ -142,15 +142,16 @@ class Obstacles:
             shapes = parse_shapes(text)
         except ValueError as exc:
             raise WiringError(f"input {self._port!r}: link {name!r}: {exc}") from exc
-        known = [shape for shape in shapes if shape.type in _GEOMETRIES]
-        if len(known) < len(shapes):
-            self.unknown.append(name)
         solids = []
-        for shape in known:
+        for shape in shapes:
+            if shape.type not in _GEOMETRIES:
+                continue
             geometry = _GEOMETRIES[shape.type](*shape.sizes)
             geometry.computeLocalAABB()
             placement = _placement([*shape.position, *shape.orientation])
             solids.append(Solid(geometry=geometry, placement=placement))
+        if len(solids) < len(shapes):
+            self.unknown.append(name)
         return tuple(solids)
 
     def check(self, poses: Poses) -> None:
@@ -163,21 +164,18 @@ class Obstacles:
 
     def placements(self, poses: Poses, frame: Any = None) -> dict[str, Any]:
         """Return the pose of each link in `frame`, or in another frame, as `pinocchio.SE3`."""
-        base = (_pose(poses, self._frame) if frame is None else frame).inverse()
+        base = (self.frame_in_world(poses) if frame is None else frame).inverse()
         return {name: base * _pose(poses, link.index) for name, link in self.links.items()}
 
-    def index_of(self, name: str) -> int | None:
-        """Return the index in Poses of a link of the robot; None: there is none."""
-        return self._indices.get(self._prefix + name)
-
-    def placement(self, poses: Poses, index: int) -> Any:
-        """Return the pose of one link in `frame`, as `pinocchio.SE3`."""
-        return _pose(poses, self._frame).inverse() * _pose(poses, index)
+    def own(self, poses: Poses, name: str) -> Any:
+        """Return the pose of a link of the robot in `frame`; None: Poses does not have it."""
+        index = self._indices.get(self._prefix + name)
+        return None if index is None else self.frame_in_world(poses).inverse() * _pose(poses, index)
 
     def reach(self, poses: Poses, name: str) -> float:
         """Return how far a link of the robot is from the axis of `frame` [m]; 0: it has no pose."""
-        index = self.index_of(name)
-        return 0.0 if index is None else math.hypot(*self.placement(poses, index).translation[:2])
+        pose = self.own(poses, name)
+        return 0.0 if pose is None else math.hypot(*pose.translation[:2])
 
     def moving(self, before: Poses, now: Poses) -> frozenset[str]:
         """Return the links that have moved from one message to the next."""
@@ -186,11 +184,6 @@ class Obstacles:
             for name, link in self.links.items()
             if math.dist(before.position[link.index], now.position[link.index]) > _MOVED
         )
-
-    def base_moved(self, before: Poses, now: Poses) -> float:
-        """Return the displacement of the robot's `frame` [m]."""
-        moved = np.subtract(now.position[self._frame], before.position[self._frame])
-        return float(np.linalg.norm(moved))
 
 
 def _pose(poses: Poses, index: int) -> Any:

@@ -1,7 +1,7 @@
 """Monitors whether a planned path stays free while the robot follows it."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,13 +9,8 @@ import numpy as np
 from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Poses
 from stepbus_store.planner.path_search import RESOLUTION
-from stepbus_store.planner.planning import (
-    BESIDE_RESOLUTION,
-    PathPlanner,
-    fingers_at,
-    on_floor,
-)
-from stepbus_store.planner.scene import Checker, Scene, Surroundings
+from stepbus_store.planner.planning import BESIDE_RESOLUTION, PathPlanner, on_floor
+from stepbus_store.planner.scene import Checker
 from stepbus_store.planner.timing import dense
 
 _MOVED = 0.01
@@ -60,11 +55,10 @@ class PathMonitor:
     ) -> None:
         robot, obstacles, tip = planner.robot, planner.obstacles, planner.tip
         self._robot, self._obstacles, self._planner = robot, obstacles, planner
-        self._request, self._before = request, poses
+        self.request, self._before = request, poses
         self._until = t + _LONGEST * plan.times[-1] + (_LONGEST_GIVEN if request.path else 0.0)
         self._path = np.array([*plan.position, *request.path])
         self._checked: Mapping[str, Any] = {}
-        self._tip_index = obstacles.index_of(tip)
         self._tips: Vector = np.array([robot.frame_pose(q, tip).translation for q in self._path])
         self._start_of_held = obstacles.placements(poses).get(request.held)
         self._bases = [map_in_world * on_floor(base) for base in request.bases]
@@ -74,45 +68,31 @@ class PathMonitor:
         self._at = self._base_at = 0
         self.is_over = False
 
-    @property
-    def request_id(self) -> int:
-        """Return the id of the request whose path it monitors."""
-        return self._request.id
-
     def check(self, poses: Poses, t: float) -> str:
         """Return the object that blocks the path, as a sentence; empty: none. t: time [s]."""
-        leaves = self._obstacles.base_moved(self._before, poses) > _MOVED and not self._bases
+        old, new = (self._obstacles.frame_in_world(p).translation for p in (self._before, poses))
+        leaves = _distance(old, new) > _MOVED and not self._bases
         if t > self._until or leaves:
             self.is_over = True
-        if not self.is_over and self._tip_index is not None:
-            self._follow(self._obstacles.placement(poses, self._tip_index).translation)
-        if self.is_over:
-            return ""
-        moved = self._moved(poses)
-        if not moved:
-            return ""
-        self._checked = moved
-        return self._blocked(moved, poses)
-
-    def _follow(self, tip: Vector) -> None:
-        """Update the progress of the tip along the path; obstacles behind it do not matter."""
-        away = np.linalg.norm(self._tips - tip, axis=1)
-        while self._at + 1 < len(away) and away[self._at + 1] <= away[self._at]:
-            self._at += 1
-        self.is_over = self._at + 1 == len(away) and bool(away[-1] < _ARRIVED)
+        tip = self._obstacles.own(poses, self._planner.tip)
+        if not self.is_over and tip is not None:
+            # Obstacles behind the tip do not matter.
+            away = np.linalg.norm(self._tips - tip.translation, axis=1).tolist()
+            self._at = _nearer(away, self._at)
+            self.is_over = self._at + 1 == len(away) and away[-1] < _ARRIVED
+        moved = {} if self.is_over else self._moved(poses)
+        self._checked = moved or self._checked
+        return self._blocked(moved, poses) if moved else ""
 
     def _ahead(self, poses: Poses) -> list[Any]:
         """Return the poses of the base at which the path has to be free, from now on."""
         now, bases = self._obstacles.frame_in_world(poses), self._bases
-        away = [_apart(base, now) for base in bases]
-        while self._base_at + 1 < len(bases) and away[self._base_at + 1] <= away[self._base_at]:
-            self._base_at += 1
+        self._base_at = _nearer([_apart(base, now) for base in bases], self._base_at)
         return [now, *bases[self._base_at + 1 :]]
 
     def _moved(self, poses: Poses) -> Mapping[str, Any]:
         """Return the links that have moved since the plan, with their positions, if any is new."""
-        request = self._request
-        touchable = {request.held, *request.touches}
+        touchable = {self.request.held, *self.request.touches}
         links = [link for name, link in self._obstacles.links.items() if name not in touchable]
         differ = _differ(self._before, poses)
         moved = {link.name: poses.position[link.index] for link in links if differ[link.index]}
@@ -124,42 +104,30 @@ class PathMonitor:
 
     def _blocked(self, moved: Mapping[str, Any], poses: Poses) -> str:
         share = BESIDE_RESOLUTION if self._bases else 1.0
-        ahead = dense(self._path[self._at :], RESOLUTION * share)
-        first: tuple[Any, Vector] | None = None
+        ahead, tip = dense(self._path[self._at :], RESOLUTION * share), self._planner.tip
         for base in self._ahead(poses):
             checker = self._checker(moved, poses, base)
-            hit = next((q for q in ahead if not checker.is_free(q)), None)
-            if hit is not None:
-                first = (base, hit)
-                break
-        if first is None:
-            return ""
-        base, hit = first
-        which = next((n for n in moved if not self._checker([n], poses, base).is_free(hit)), "")
-        tip = self._planner.tip
-        there = self._robot.frame_pose(hit, tip).translation
-        here = self._robot.frame_pose(ahead[0], tip).translation
-        return f"{which} blocks the path {np.linalg.norm(there - here):.2f} m ahead of {tip}"
+            for q in ahead:
+                if not checker.is_free(q):
+                    hit = (n for n in moved if not self._checker([n], poses, base).is_free(q))
+                    here, there = (self._robot.frame_pose(x, tip) for x in (ahead[0], q))
+                    far = np.linalg.norm(there.translation - here.translation)
+                    return f"{next(hit, '')} blocks the path {far:.2f} m ahead of {tip}"
+        return ""
 
     def _checker(self, names: Iterable[str], poses: Poses, base: Any) -> Checker:
         """Return a checker against some links at their current poses, and no others.
 
         base: pose of the robot in the world.
         """
-        held, obstacles = self._request.held, self._obstacles
+        held, obstacles = self.request.held, self._obstacles
         placements = obstacles.placements(poses, base)
         if held:
             # It keeps the pose in the tip that it had at the start of the path.
             placements[held] = self._start_of_held
-        around = Surroundings(
-            links={name: obstacles.links[name] for name in (*names, held) if name},
-            placements=placements,
-            held=held,
-            touches=frozenset(self._request.touches),
-            tip=self._planner.tip,
-            fingers=fingers_at(self._robot, obstacles, self._before, self._planner.tip),
-        )
-        scene = Scene(self._robot, around, self._path[0], self._planner.margins)
+        links = {name: obstacles.links[name] for name in (*names, held) if name}
+        start = self._path[0]
+        scene = self._planner.scene(self.request, start, links, placements, self._before)
         return scene.checker_of(frozenset(names), _SHARE)
 
 
@@ -170,6 +138,13 @@ def _differ(before: Poses, now: Poses) -> list[bool]:
     same = np.abs(np.sum(np.multiply(before.orientation, now.orientation), axis=1))
     differ: list[bool] = (moved | (same < math.cos(_TURNED / 2))).tolist()
     return differ
+
+
+def _nearer(away: Sequence[float], at: int) -> int:
+    """Return the place from which on the distances grow; at: the place so far."""
+    while at + 1 < len(away) and away[at + 1] <= away[at]:
+        at += 1
+    return at
 
 
 def _apart(a: Any, b: Any) -> float:

@@ -64,78 +64,70 @@ def find_paths(
         # Silences a warning about seeding twice, which matters to existing generators only.
         util.setLogLevel(util.LogLevel.LOG_NONE)
         util.RNG.setSeed(search.seed)
-        return _Finder(base, geometric, search, is_free, is_cancelled).find(start, goal)
+        checks = _Checks(search, is_free, is_cancelled)
+        return _find(base, geometric, search, (start, goal), checks)
 
 
 class _Checks:
     """Checks states, and counts down. OMPL keeps it, so it must not refer to OMPL's objects."""
 
-    def __init__(self, search: Search, is_free: Callable[[Vector], bool]) -> None:
-        self._size, self._is_free = range(len(search.lower)), is_free
-        self.left = search.max_checks
+    def __init__(
+        self, search: Search, is_free: Callable[[Vector], bool], is_cancelled: Callable[[], bool]
+    ) -> None:
+        self.is_free, self._is_cancelled = is_free, is_cancelled
+        self._size, self._left = range(len(search.lower)), search.max_checks
 
     def is_valid(self, state: Any) -> bool:
-        self.left -= 1
-        return self._is_free(np.array([state[k] for k in self._size]))
+        self._left -= 1
+        return self.is_free(np.array([state[k] for k in self._size]))
+
+    def is_over(self) -> bool:
+        return self._left <= 0 or self._is_cancelled()
 
 
-class _Finder:
-    def __init__(
-        self,
-        base: Any,
-        geometric: Any,
-        search: Search,
-        is_free: Callable[[Vector], bool],
-        is_cancelled: Callable[[], bool],
-    ) -> None:
-        self._base, self._geometric = base, geometric
-        self._is_free, self._is_cancelled = is_free, is_cancelled
-        self._size = range(len(search.lower))
-        self._checks = _Checks(search, is_free)
-        bounds = base.RealVectorBounds(len(search.lower))
-        for k in self._size:
-            bounds.setLow(k, float(search.lower[k]))
-            bounds.setHigh(k, float(search.upper[k]))
-        self._space = base.RealVectorStateSpace(len(search.lower))
-        self._space.setBounds(bounds)
-        self._info = base.SpaceInformation(self._space)
-        self._info.setStateValidityChecker(self._checks.is_valid)
-        # OMPL expects the resolution as a fraction of the extent of the space.
-        share = RESOLUTION / self._space.getMaximumExtent()
-        self._info.setStateValidityCheckingResolution(share)
-        self._info.setup()
+def _find(
+    base: Any, geometric: Any, search: Search, ends: tuple[Vector, Vector], checks: _Checks
+) -> Paths | None:
+    size = len(search.lower)
+    bounds = base.RealVectorBounds(size)
+    for k in range(size):
+        bounds.setLow(k, float(search.lower[k]))
+        bounds.setHigh(k, float(search.upper[k]))
+    space = base.RealVectorStateSpace(size)
+    space.setBounds(bounds)
+    info = base.SpaceInformation(space)
+    info.setStateValidityChecker(checks.is_valid)
+    # OMPL expects the resolution as a fraction of the extent of the space.
+    info.setStateValidityCheckingResolution(RESOLUTION / space.getMaximumExtent())
+    info.setup()
+    problem = base.ProblemDefinition(info)
+    problem.setStartAndGoalStates(*(_state(space, q) for q in ends))
+    planner = geometric.RRTConnect(info)
+    planner.setProblemDefinition(problem)
+    planner.setRange(_LONGEST)
+    planner.setup()
+    planner.solve(base.PlannerTerminationCondition(checks.is_over))
+    if not problem.hasExactSolution():
+        return None
+    path = problem.getSolutionPath()
+    raw = _points(path, size)
+    simplifier = geometric.PathSimplifier(info)
+    simplifier.reduceVertices(path, _SHORTCUTS, _SHORTCUTS)
+    simplifier.partialShortcutPath(path, _SHORTCUTS, _SHORTCUTS)
+    short = _points(path, size)
+    return [rounded(short, checks.is_free), short, raw]
 
-    def _state(self, q: Vector) -> Any:
-        state = self._space.allocState()
-        for k in self._size:
-            state[k] = float(q[k])
-        return state
 
-    def _is_over(self) -> bool:
-        return self._checks.left <= 0 or self._is_cancelled()
+def _state(space: Any, q: Vector) -> Any:
+    state = space.allocState()
+    for k, angle in enumerate(q.tolist()):
+        state[k] = angle
+    return state
 
-    def find(self, start: Vector, goal: Vector) -> Paths | None:
-        problem = self._base.ProblemDefinition(self._info)
-        problem.setStartAndGoalStates(self._state(start), self._state(goal))
-        planner = self._geometric.RRTConnect(self._info)
-        planner.setProblemDefinition(problem)
-        planner.setRange(_LONGEST)
-        planner.setup()
-        planner.solve(self._base.PlannerTerminationCondition(self._is_over))
-        if not problem.hasExactSolution():
-            return None
-        path = problem.getSolutionPath()
-        paths = [self._points(path)]
-        simplifier = self._geometric.PathSimplifier(self._info)
-        simplifier.reduceVertices(path, _SHORTCUTS, _SHORTCUTS)
-        simplifier.partialShortcutPath(path, _SHORTCUTS, _SHORTCUTS)
-        paths.append(self._points(path))
-        paths.append(rounded(paths[-1], self._is_free))
-        return paths[::-1]
 
-    def _points(self, path: Any) -> Vector:
-        states = [path.getState(number) for number in range(path.getStateCount())]
-        return np.array([[state[k] for k in self._size] for state in states])
+def _points(path: Any, size: int) -> Vector:
+    states = [path.getState(number) for number in range(path.getStateCount())]
+    return np.array([[state[k] for k in range(size)] for state in states])
 
 
 def rounded(path: Vector, is_free: Callable[[Vector], bool]) -> Vector:

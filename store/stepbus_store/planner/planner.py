@@ -5,7 +5,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
 from stepbus_store.planner.outline import Outline
 from stepbus_store.planner.params import Params
 from stepbus_store.planner.path_monitor import PathMonitor
-from stepbus_store.planner.planning import PathPlanner, is_check, map_in_world
+from stepbus_store.planner.planning import PathPlanner, is_check, on_floor
 from stepbus_store.planner.scene import Margins
 from stepbus_store.planner.timing import Limits
 from stepbus_store.planner.walkers import Walkers
@@ -42,9 +42,6 @@ _LONGEST_SAMPLE_NS = 20_000_000
 
 _TUCKED = 0.5
 """How far the tip of an arm may be from the axis of a base that gives way [m]."""
-
-
-Level = Literal["info", "warning"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,11 +119,8 @@ class Planner(Remembering):
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the plans, and their limits."""
         robot, limits = self._robot, self._limits
-        limits_of = {
-            "lower": robot.lower.tolist(),
-            "upper": robot.upper.tolist(),
-            "velocity": limits.velocity.tolist(),
-        }
+        rows = {"lower": robot.lower, "upper": robot.upper, "velocity": limits.velocity}
+        limits_of = {name: row.tolist() for name, row in rows.items()}
         return {self._plan_port: Description(names=self._names, limits=limits_of)}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
@@ -177,8 +171,9 @@ class Planner(Remembering):
         messages: dict[str, Message] = {}
         if self._unknown:
             links = ", ".join(self._unknown)
-            text = f"the shape of {links} is unknown; paths may touch them"
-            self._report(messages, "warning", text)
+            self._report(
+                messages, f"the shape of {links} is unknown; paths may touch them", warns=True
+            )
             self._unknown = []
         if step.is_new(self._poses_port):
             poses = step.read(self._poses_port, Poses)
@@ -206,7 +201,8 @@ class Planner(Remembering):
         is_quick = request.base is not None or is_check(request)
         answer: Future[Plan | None]
         if request.base is not None and poses is not None:
-            self._map = map_in_world(self._obstacles, request.base[0], poses)
+            # The frame in which the base is at the start of the request.
+            self._map = self._obstacles.frame_in_world(poses) * on_floor(request.base[0]).inverse()
             mapped = self._base_planner.mapped(request, poses)
             # What moves may be gone a moment later.
             self._mapped = [thing for thing in mapped if thing.link not in self._moving]
@@ -223,7 +219,7 @@ class Planner(Remembering):
             now = self._odometry(step)
             seen = None if now is None else ((now.x, now.y, now.yaw), self._seen.all())
             answer = self._worker.submit(
-                self.planner.plan, request, poses, cancelled.is_set, self._map, seen=seen
+                self.planner.plan, request, poses, cancelled.is_set, self._map, seen
             )
         self._pending = _Pending(
             due=step.index + (self._check_latency if is_quick else self._latency),
@@ -252,8 +248,7 @@ class Planner(Remembering):
 
     def _look(self, step: Step) -> None:
         """Take what the lidars see."""
-        base = self._odometry(step)
-        ports = [port for port in self._scan_ports if step.is_new(port)]
+        base, ports = self._odometry(step), list(filter(step.is_new, self._scan_ports))
         if base is None or not ports:
             return
         for port in ports:
@@ -263,8 +258,7 @@ class Planner(Remembering):
 
     def _check_route(self, messages: dict[str, Message], route: RouteMonitor, step: Step) -> None:
         """Report something that comes into the way of the base."""
-        base = step.read(self._odometry_port or "", BaseState)
-        text = route.check(self._seen, base)
+        text = route.check(self._seen, step.read(self._odometry_port or "", BaseState))
         if not text and route.is_over(self._view):
             text = "what it drives around has gone"
         if text:
@@ -272,39 +266,33 @@ class Planner(Remembering):
             self._publish(messages, Plan(id=route.request_id, cause=Cause.BLOCKED, text=text))
 
     def _finish(self, messages: dict[str, Message], pending: _Pending, step: Step) -> None:
-        plan = pending.answer.result()
+        plan, request, poses = pending.answer.result(), pending.request, pending.poses
         self._pending = None
-        if pending.request.base is not None:
+        if request.base is not None:
             self._route, self._next_route = self._next_route, None
-        if plan is not None:
-            self._publish(messages, plan)
-            is_watched = not (plan.cause or plan.route)
-            if is_watched and pending.poses is not None:
-                self._monitor = PathMonitor(
-                    self.planner,
-                    pending.request,
-                    plan,
-                    pending.poses,
-                    t=step.t,
-                    map_in_world=self._map,
-                )
+        if plan is None:
+            return
+        self._publish(messages, plan)
+        if not plan.cause and not plan.route and poses is not None:
+            self._monitor = PathMonitor(
+                self.planner, request, plan, poses, t=step.t, map_in_world=self._map
+            )
 
     def _check_path(self, messages: dict[str, Message], monitor: PathMonitor, step: Step) -> None:
         """Report an object that blocks the path in use."""
         text = monitor.check(step.read(self._poses_port, Poses), step.t)
         if text:
-            self._publish(messages, Plan(id=monitor.request_id, cause=Cause.BLOCKED, text=text))
+            self._publish(messages, Plan(id=monitor.request.id, cause=Cause.BLOCKED, text=text))
         if text or monitor.is_over:
             self._monitor = None
 
     def _publish(self, messages: dict[str, Message], plan: Plan) -> None:
         messages[self._plan_port] = plan
-        level: Level = "warning" if plan.cause else "info"
-        self._report(messages, level, f"plan {plan.id}: {plan.text}")
+        self._report(messages, f"plan {plan.id}: {plan.text}", warns=bool(plan.cause))
 
-    def _report(self, messages: dict[str, Message], level: Level, text: str) -> None:
+    def _report(self, messages: dict[str, Message], text: str, *, warns: bool) -> None:
         if self._event_port is not None:
-            messages[self._event_port] = Event(level=level, text=text)
+            messages[self._event_port] = Event(level="warning" if warns else "info", text=text)
 
     def _cancel(self, request: PlanRequest | None = None) -> None:
         if request is None or request.base is None:

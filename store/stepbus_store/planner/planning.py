@@ -1,7 +1,7 @@
 """From a request to a plan."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,30 +51,9 @@ def is_check(request: PlanRequest) -> bool:
     return bool(request.path) and request.start == request.goal
 
 
-def fingers_at(robot: PlannedRobot, obstacles: Obstacles, poses: Poses, tip: str) -> dict[str, Any]:
-    """Return the poses in the tip of the links of the robot that move on joints of their own.
-
-    They are as in Poses, where it has them; the others stand as in the robot's posture.
-    """
-    at = obstacles.index_of(tip)
-    if at is None:
-        return {}
-    inverse = obstacles.placement(poses, at).inverse()
-    return {
-        name: inverse * obstacles.placement(poses, index)
-        for name in robot.fingers()
-        if (index := obstacles.index_of(name)) is not None
-    }
-
-
 def on_floor(base: Point) -> Any:
     """Return a pose of the base, x, y, yaw, as `pinocchio.SE3`."""
     return pin.SE3(pin.utils.rotate("z", base[2]), np.array([base[0], base[1], 0.0]))
-
-
-def map_in_world(obstacles: Obstacles, base: Point, poses: Poses) -> Any:
-    """Return the pose of the frame in which the base is at a pose, while the world is at others."""
-    return obstacles.frame_in_world(poses) * on_floor(base).inverse()
 
 
 class NoPlan(Exception):
@@ -112,9 +91,8 @@ class PathPlanner:
         request: PlanRequest,
         poses: Poses | None,
         cancelled: Callable[[], bool],
-        map_in_world: Any = None,
-        *,
-        seen: Seen | None = None,
+        map_in_world: Any,
+        seen: Seen | None,
     ) -> Plan | None:
         """Return the answer to a request; None: it was cancelled meanwhile.
 
@@ -122,33 +100,58 @@ class PathPlanner:
         map_in_world: pose of the frame of the request's `bases`; None: unknown. seen: by lidars.
         """
         try:
-            return _Planning(self, request, poses, cancelled, map_in_world, seen=seen).answer()
+            return _Planning(self, request, poses, cancelled, map_in_world, seen).answer()
         except NoPlan as exc:
             return Plan(id=request.id, cause=exc.cause, text=str(exc))
         except Cancelled:
             return None
 
-
-class _Planning:
-    """The work on one request."""
-
-    def __init__(
+    def scene(
         self,
-        planner: PathPlanner,
         request: PlanRequest,
-        poses: Poses | None,
-        cancelled: Callable[[], bool],
-        map_in_world: Any,
-        *,
-        seen: Seen | None,
-    ) -> None:
-        self._planner, self._robot, self._obstacles = planner, planner.robot, planner.obstacles
-        self._request = request
-        self._cancelled = cancelled
+        start: Vector,
+        links: Mapping[str, Link],
+        placements: Mapping[str, Any],
+        poses: Poses,
+    ) -> Scene:
+        """Return the scene of a request among some links; start: as of `Scene`.
+
+        placements: of the links, in the root link of the robot. poses: where the links of the robot
+        are that move on joints of their own; others of these stand as in its posture.
+        """
+        tip = self.obstacles.own(poses, self.tip)
+        fingers = (
+            {} if tip is None else {n: self.obstacles.own(poses, n) for n in self.robot.fingers()}
+        )
+        around = Surroundings(
+            links=links,
+            placements=placements,
+            held=request.held,
+            touches=frozenset(request.touches),
+            tip=self.tip,
+            fingers={n: tip.inverse() * pose for n, pose in fingers.items() if pose is not None},
+        )
+        return Scene(self.robot, around, start, self.margins)
+
+
+@dataclass
+class _Planning:
+    """The work on one request; see `PathPlanner.plan`."""
+
+    _planner: PathPlanner
+    _request: PlanRequest
+    _poses: Poses | None
+    _cancelled: Callable[[], bool]
+    _map_in_world: Any
+    _seen: Seen | None
+
+    def __post_init__(self) -> None:
+        request = self._request
+        self._robot, self._obstacles = self._planner.robot, self._planner.obstacles
         self._start = self._joints("start", request.start)
         self._goal = self._joints("goal", request.goal)
         self._path = [self._joints(f"path point {k}", q) for k, q in enumerate(request.path)]
-        scenes = self._make_scenes(poses, map_in_world, seen)
+        scenes = self._make_scenes()
         self._scene = scenes.pop()
         self._beside = [scene.checker_of(scene.others) for scene in scenes]
 
@@ -159,33 +162,28 @@ class _Planning:
             expected = f"{len(robot.joints)} ({', '.join(robot.joints)})"
             raise NoPlan(Cause.BAD_REQUEST, f"{field} has {len(values)} values, not {expected}")
         inside = (robot.lower - _ROUNDING <= q) & (q <= robot.upper + _ROUNDING)
-        for name, value, low, high, fits in zip(
-            robot.joints, values, robot.lower, robot.upper, inside, strict=True
-        ):
-            if not fits:
-                unit = robot.unit(name)
-                text = f"{value:.3f} {unit} is outside {low:.3f} to {high:.3f} {unit}"
-                raise NoPlan(Cause.BAD_REQUEST, f"{field}: {name} at {text}")
+        for k in np.flatnonzero(~inside):
+            name, unit = robot.joints[k], robot.unit(robot.joints[k])
+            limits = f"{robot.lower[k]:.3f} to {robot.upper[k]:.3f} {unit}"
+            text = f"{field}: {name} at {q[k]:.3f} {unit} is outside {limits}"
+            raise NoPlan(Cause.BAD_REQUEST, text)
         return np.clip(q, robot.lower, robot.upper)
 
-    def _make_scenes(
-        self, poses: Poses | None, map_in_world: Any, seen: Seen | None
-    ) -> list[Scene]:
+    def _make_scenes(self) -> list[Scene]:
         """Return the scene of each pose of the base; the last one is that of the plan."""
-        request, links = self._request, self._obstacles.links
+        request, links, poses, seen = self._request, self._obstacles.links, self._poses, self._seen
         if poses is None:
             raise NoPlan(Cause.BAD_REQUEST, "the poses of the world are not known yet")
         for name in dict.fromkeys([request.held, *request.touches]):
             if name and name not in links:
                 text = f"the world has no link {name!r}{suggest(name, links)}"
                 raise NoPlan(Cause.BAD_REQUEST, text)
-        if request.bases and map_in_world is None:
+        if request.bases and self._map_in_world is None:
             raise NoPlan(Cause.BAD_REQUEST, "bases need a request of the base before them")
         here = self._obstacles.placements(poses)
-        fingers = fingers_at(self._robot, self._obstacles, poses, self._planner.tip)
         columns = self._columns(*seen) if seen is not None else {}
         bases = request.bases or ([] if seen is None else [seen[0]])
-        frames = [map_in_world * on_floor(base) for base in request.bases] or [None]
+        frames = [self._map_in_world * on_floor(base) for base in request.bases] or [None]
         scenes = []
         for number, frame in enumerate(frames):
             placements = self._obstacles.placements(poses, frame)
@@ -193,15 +191,8 @@ class _Planning:
                 placements[name] = on_floor(bases[number]).inverse()
             if request.held:
                 placements[request.held] = here[request.held]
-            around = Surroundings(
-                links={**links, **columns},
-                placements=placements,
-                held=request.held,
-                touches=frozenset(request.touches),
-                tip=self._planner.tip,
-                fingers=fingers,
-            )
-            scenes.append(Scene(self._robot, around, self._start, self._planner.margins))
+            among = {**links, **columns}
+            scenes.append(self._planner.scene(request, self._start, among, placements, poses))
         return scenes
 
     def _columns(self, base: Point, seen: Sequence[Outline]) -> dict[str, Link]:
@@ -214,7 +205,7 @@ class _Planning:
             link = column(outline, _HEIGHT)
             around = Surroundings(links={link.name: link}, placements={link.name: here})
             scene = Scene(self._robot, around, self._start, self._planner.margins)
-            if scene.touch(self._start) is None:
+            if not scene.touch(self._start):
                 columns[f"{link.name} ({number + 1})"] = link
         return columns
 
@@ -224,8 +215,9 @@ class _Planning:
         checked = self._check_path() if self._path else ""
         if is_check(self._request):
             return self._standing(checked)
-        self._check_collision("start", self._start)
-        self._check_collision("goal", self._goal)
+        for field, q in (("start", self._start), ("goal", self._goal)):
+            if touch := self._scene.touch(q):
+                raise NoPlan(Cause(f"{field}_collides"), f"at the {field}, {touch}")
         if np.linalg.norm(self._goal - self._start) < _SAME:
             return self._standing("the joints are at the goal")
         checker = self._scene.checker([self._start, self._goal])
@@ -251,16 +243,11 @@ class _Planning:
         tip = self._planner.tip
         for q in fine:
             if not checker.is_free(q):
-                touch = self._scene.closest(q, checker) or "something is too close"
+                touch = self._scene.touch(q, checker) or "something is too close"
                 here, there = (self._robot.frame_pose(row, tip).translation for row in (fine[0], q))
                 far = float(np.linalg.norm(there - here))
                 raise NoPlan(Cause.PATH_COLLIDES, f"{far:.3f} m from its start, {touch}")
         return f"path is free, {checker.checks} checks"
-
-    def _check_collision(self, field: str, q: Vector) -> None:
-        touch = self._scene.touch(q)
-        if touch is not None:
-            raise NoPlan(Cause(f"{field}_collides"), f"at the {field}, {touch}")
 
     def _paths(self, checker: Checker) -> Iterator[tuple[Vector, str]]:
         """Yield paths that keep the margins, the best first, and their names."""
@@ -306,11 +293,9 @@ class _Planning:
         torque = np.abs([self._robot.inverse_dynamics(q, rest, rest) for q in points]).max(axis=0)
         worst = int(np.argmax(torque / limits.effort))
         joint = self._robot.joints[worst]
-        unit = self._robot.effort_unit(joint)
-        return (
-            f"on the path, {joint} needs {torque[worst]:.1f} {unit} to stand still, but motions "
-            f"may use {limits.effort[worst]:.1f} {unit}"
-        )
+        unit, least = self._robot.effort_unit(joint), f"{torque[worst]:.1f}"
+        most = f"motions may use {limits.effort[worst]:.1f} {unit}"
+        return f"on the path, {joint} needs {least} {unit} to stand still, but {most}"
 
     def _stays_free(self, motion: Trajectory, checker: Checker) -> bool:
         if self._cancelled():

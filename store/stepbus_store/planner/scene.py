@@ -24,8 +24,8 @@ class Margins:
     """Minimum distances [m].
 
     robot: of the robot to obstacles and to itself. path: the same, on a path that is only checked.
-    held: of a held object to obstacles and the
-    robot. standing: how deep a held object may penetrate what it stands on, at start and goal.
+    held: of a held object to obstacles and the robot. standing: how deep a held object may
+    penetrate what it stands on, at start and goal.
     """
 
     robot: float = 0.01
@@ -52,20 +52,6 @@ class Surroundings:
     fingers: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
-class LinkContact:
-    """Two links that touch; distance: between them, negative if they penetrate [m]."""
-
-    first: str
-    second: str
-    distance: float
-
-    def __str__(self) -> str:
-        if self.distance > 0.0:
-            return f"{self.first} comes within {self.distance * 1e3:.1f} mm of {self.second}"
-        return f"{self.first} touches {self.second} ({-self.distance * 1e3:.1f} mm deep)"
-
-
 class Scene:
     """Checks joint positions for collisions.
 
@@ -83,11 +69,9 @@ class Scene:
             robot.model.frames[item.parentFrame].name for item in robot.geometry.geometryObjects
         ]
         self._place_fingers(around)
-        own = range(len(self.links))
         held = self._add_held(around, start)
         self.others = frozenset(around.links) - {around.held}
-        world = self._add_world(around, held)
-        self._pair(own, held, world, around.touches)
+        self._pair(held, self._add_world(around, held), around.touches)
         pairs = self._geometry.collisionPairs
         with_held = np.array([not {pair.first, pair.second}.isdisjoint(held) for pair in pairs])
         self._with_held = with_held
@@ -136,44 +120,34 @@ class Scene:
             self.links.append(link.name)
         return numbers
 
-    def _pair(
-        self,
-        own: Iterable[int],
-        held: Iterable[int],
-        world: Iterable[int],
-        touches: frozenset[str],
-    ) -> None:
+    def _pair(self, held: list[int], world: list[int], touches: frozenset[str]) -> None:
         """Check the moving robot against the obstacles, and the held object against both."""
-        items, add = self._geometry.geometryObjects, self._geometry.addCollisionPair
+        joints = [item.parentJoint for item in self._geometry.geometryObjects]
+        own = range(self._robot.geometry.ngeoms)
+        moving, pairs = [mine for mine in own if joints[mine]], []
         for other in world:
-            for mine in own:
-                if items[mine].parentJoint and self.links[other] not in touches:
-                    add(pin.CollisionPair(mine, other))
-            for part in held:
-                add(pin.CollisionPair(part, other))
-        for part in held:
-            for mine in own:
-                if items[mine].parentJoint != items[part].parentJoint:
-                    add(pin.CollisionPair(mine, part))
+            if self.links[other] not in touches:
+                pairs += [(mine, other) for mine in moving]
+            pairs += [(part, other) for part in held]
+        pairs += [(mine, part) for part in held for mine in own if joints[mine] != joints[part]]
+        for one, other in pairs:
+            self._geometry.addCollisionPair(pin.CollisionPair(one, other))
 
-    def touch(self, q: Vector) -> LinkContact | None:
-        """Return the two links that penetrate most at q, shape (n,) [rad]; None: none touch."""
-        return self._closest(q, self._deepest)
+    def touch(self, q: Vector, checker: Checker | None = None) -> str:
+        """Return which two links penetrate most at q, shape (n,) [rad]; empty: none touch.
 
-    def closest(self, q: Vector, checker: Checker) -> LinkContact | None:
-        """Return the two links that keep their margin least at q, shape (n,) [rad]."""
-        return self._closest(q, checker.margins)
-
-    def _closest(self, q: Vector, margins: Vector) -> LinkContact | None:
+        checker: whose margins count, instead of those of links that touch.
+        """
+        margins = self._deepest if checker is None else checker.margins
         distance = self._distances_at(q)
-        if not len(distance):
-            return None
-        worst = int(np.argmin(distance - margins))
-        if distance[worst] > margins[worst]:
-            return None
-        pair = self._geometry.collisionPairs[worst]
+        worst = int(np.argmin(distance - margins)) if len(distance) else -1
+        if worst < 0 or distance[worst] > margins[worst]:
+            return ""
+        pair, mm = self._geometry.collisionPairs[worst], distance[worst] * 1e3
         first, second = self.links[pair.first], self.links[pair.second]
-        return LinkContact(first=first, second=second, distance=float(distance[worst]))
+        if mm > 0.0:
+            return f"{first} comes within {mm:.1f} mm of {second}"
+        return f"{first} touches {second} ({-mm:.1f} mm deep)"
 
     def _distances_at(self, q: Vector) -> Vector:
         robot = self._robot

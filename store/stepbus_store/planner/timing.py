@@ -65,15 +65,12 @@ def parametrize(path: Vector, limits: Limits, torques: Torques, period: float) -
     spline = toppra.SplineInterpolator(along, points)
     # The acceleration of a cubic spline peaks at its points; the grid has to include them all.
     grid = np.interp(np.arange(0, len(along) - 0.75, 0.5), np.arange(len(along)), along)
-    velocity, acceleration = limits.velocity, limits.acceleration
+    most = (limits.velocity, limits.acceleration, limits.effort)
+    velocity, acceleration, effort = (np.stack([-row, row], axis=1) for row in most)
     constraints = [
-        constraint.JointVelocityConstraint(np.stack([-velocity, velocity], axis=1)),
-        constraint.JointAccelerationConstraint(np.stack([-acceleration, acceleration], axis=1)),
-        constraint.JointTorqueConstraint(
-            torques,
-            np.stack([-limits.effort, limits.effort], axis=1),
-            np.zeros(len(limits.effort)),
-        ),
+        constraint.JointVelocityConstraint(velocity),
+        constraint.JointAccelerationConstraint(acceleration),
+        constraint.JointTorqueConstraint(torques, effort, np.zeros(len(effort))),
     ]
     solver = algorithm.TOPPRA(constraints, spline, gridpoints=grid, solver_wrapper="seidel")
     result = solver.compute_trajectory(0.0, 0.0)

@@ -2,15 +2,7 @@
 
 from collections.abc import Iterator
 
-from stepbus_participant import (
-    Count,
-    Finite,
-    ModelFile,
-    Positive,
-    Settings,
-    Text,
-    suggest,
-)
+from stepbus_participant import Count, Finite, ModelFile, Positive, Settings, Text, suggest
 from stepbus_participant.parameters import Keys
 
 

@@ -139,14 +139,15 @@ class RoundTrip(Remembering):
             return {}
         if self._goal is not None and not self._is_over(self._goal, step, log):
             return _events(self._event_port, log)
-        # The arm with the fewest poses so far.
         left = [arm for arm, trips in self._trips.items() if len(trips) < self._params.poses]
         if self._must_go_home or left:
+            number = 0 if self._goal is None else self._goal.id + 1
             if self._must_go_home:
-                self._goal = self._way_home()
+                self._goal = self._way_home(number)
             else:
+                # The arm with the fewest poses so far.
                 self._arm = min(left, key=lambda arm: len(self._trips[arm]))
-                self._goal = self._way_to_a_pose()
+                self._goal = self._way_to_a_pose(number)
             return {self._goal_port: self._goal, **_events(self._event_port, log)}
         self._is_done = True
         step.end("all poses have been gone to")
@@ -157,7 +158,7 @@ class RoundTrip(Remembering):
             return _events(self._event_port, [*log, *rows])
         return {**_events(self._event_port, log), **_events(self._summary_port, rows)}
 
-    def _way_to_a_pose(self) -> Goal:
+    def _way_to_a_pose(self, number: int) -> Goal:
         """Return a goal at a pose that joints within their limits reach."""
         robot, frame, tip = self._robot, self._params.frame, self._params.arms[self._arm]
         # Joints that do not move the tip are neutral.
@@ -169,7 +170,7 @@ class RoundTrip(Remembering):
         x, y, z = target.translation.tolist()
         self._is_named = False
         return Goal(
-            id=self._next_id(),
+            id=number,
             type="move_to_pose",
             tip=tip,
             frame=frame,
@@ -177,15 +178,9 @@ class RoundTrip(Remembering):
             orientation=(float(turn.x), float(turn.y), float(turn.z), float(turn.w)),
         )
 
-    def _way_home(self) -> Goal:
-        home = self._params.home[self._arm]
-        self._must_go_home = False
-        return Goal(
-            id=self._next_id(), type="move_joints", joints=list(home), values=list(home.values())
-        )
-
-    def _next_id(self) -> int:
-        return 0 if self._goal is None else self._goal.id + 1
+    def _way_home(self, number: int) -> Goal:
+        home, self._must_go_home = self._params.home[self._arm], False
+        return Goal(id=number, type="move_joints", joints=list(home), values=list(home.values()))
 
     def _is_over(self, goal: Goal, step: Step, log: list[LogEntry]) -> bool:
         """Return whether the current goal is over, and log its result."""
@@ -225,10 +220,8 @@ class RoundTrip(Remembering):
         """Measure the tip, and record and return its error."""
         self._rejected_in_a_row = 0
         poses, params = step.read(self._poses_port, Poses), self._params
-        base, tip = (
-            _pose(poses.position[index], poses.orientation[index])
-            for index in (self._index[params.frame], self._index[params.arms[self._arm]])
-        )
+        at = [self._index[name] for name in (params.frame, params.arms[self._arm])]
+        base, tip = (_pose(poses.position[n], poses.orientation[n]) for n in at)
         off = base.actInv(tip).actInv(target)
         position = float(np.linalg.norm(off.translation))
         orientation = float(np.linalg.norm(pin.log3(off.rotation)))

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from stepbus_participant import Problems, suggest
+from stepbus_schemas import Point
 
 from .params import ItemTypeChange, RowSettings, StockParams, StockSettings
 
@@ -25,23 +26,17 @@ class Item:
     name: str
     type: str
     urdf: Path
-    position: tuple[float, float, float]
+    position: Point
     yaw: float
-    slot: tuple[float, float, float]
+    slot: Point
     slot_yaw: float
     mass: float
     friction: float
     spinning_friction: float
 
 
-@dataclass(frozen=True)
-class _Slot:
-    """A slot on a shelf; yaw: heading that faces it [rad]."""
-
-    row: str
-    number: int
-    position: tuple[float, float, float]
-    yaw: float
+_Slot = tuple[str, Point, float]
+"""A slot on a shelf: its name, `<row>_<number>`, its position [m], and the yaw facing it [rad]."""
 
 
 class Stock:
@@ -87,16 +82,16 @@ class Stock:
         change, spread = self._params.types.get(name, ItemTypeChange()), self._world.spread
         changed = {k: v for k, v in msgspec.structs.asdict(change).items() if v is not None}
         item_type = msgspec.structs.replace(self._world.types[name], **changed)
-        ahead, left, yaw, mass, friction = draws
+        (slot_name, position, slot_yaw), (ahead, left, yaw, mass, friction) = slot, draws
         offset = ahead * spread.position, left * spread.position
         return Item(
-            name=f"{name}_{slot.row}_{slot.number}",
+            name=f"{name}_{slot_name}",
             type=name,
             urdf=item_type.urdf,
-            position=_moved(slot.position, slot.yaw, *offset),
-            yaw=slot.yaw + yaw * spread.yaw,
-            slot=slot.position,
-            slot_yaw=slot.yaw,
+            position=_moved(position, slot_yaw, *offset),
+            yaw=slot_yaw + yaw * spread.yaw,
+            slot=position,
+            slot_yaw=slot_yaw,
             mass=item_type.mass * (1.0 + mass * spread.mass),
             friction=item_type.friction * (1.0 + friction * spread.friction),
             spinning_friction=item_type.spinning_friction,
@@ -107,13 +102,10 @@ def _slots(rows: Mapping[str, RowSettings]) -> Iterator[_Slot]:
     for name, row in rows.items():
         for number in range(1, row.count + 1):
             right = (number - (row.count + 1) / 2) * row.pitch
-            position = _moved(row.position, row.yaw, 0.0, -right)
-            yield _Slot(name, number, position, row.yaw)
+            yield f"{name}_{number}", _moved(row.position, row.yaw, 0.0, -right), row.yaw
 
 
-def _moved(
-    position: tuple[float, float, float], yaw: float, ahead: float, left: float
-) -> tuple[float, float, float]:
+def _moved(position: Point, yaw: float, ahead: float, left: float) -> Point:
     c, s = math.cos(yaw), math.sin(yaw)
     x, y, z = position
     return (x + c * ahead - s * left, y + s * ahead + c * left, z)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -30,6 +31,9 @@ _UPRIGHT = 0.1
 """Parts x and y of a quaternion below which an item stands; one that lies stays in its place."""
 
 
+_Row = tuple[Point, Quaternion]
+
+
 @dataclass(frozen=True, kw_only=True)
 class ItemPose:
     """Where an item is: position [m] and yaw [rad] of its link on the map."""
@@ -43,20 +47,21 @@ class ItemPose:
         """Return the pose as a transform."""
         return pin.SE3(pin.utils.rotate("z", self.yaw), np.array([self.x, self.y, self.z]))
 
+    @cached_property
+    def row(self) -> _Row:
+        """Return position and quaternion x, y, z, w."""
+        return _row(self.frame())
+
 
 class Items:
     """All items that the planogram lists.
 
-    types: name → type. places: name → where the planogram has it. same: farther from where it is
-    expected, a detection is another item [m].
+    types: name → type. places: name → where it is, at first as in the planogram. same: farther from
+    where it is expected, a detection is another item [m].
     """
 
-    def __init__(
-        self, types: Mapping[str, str], places: Mapping[str, ItemPose], same: float
-    ) -> None:
-        self._types = types
-        self._places = dict(places)
-        self._same = same
+    def __init__(self, types: Mapping[str, str], places: dict[str, ItemPose], same: float) -> None:
+        self._types, self.places, self._same = types, places, same
         self.held = ""
         """The item that the gripper must be holding; empty: none."""
         self._in_tip = pin.SE3.Identity()
@@ -65,41 +70,34 @@ class Items:
         """Correct where an item is by a detection of its type on the map [m, rad]."""
         rows = [
             (math.hypot(place.x - x, place.y - y), name)
-            for name, place in self._places.items()
+            for name, place in self.places.items()
             if self._types[name] == item_type
         ]
         away, name = min(rows, default=(math.inf, ""))
         if away < self._same and name != self.held:
-            self._places[name] = replace(self._places[name], x=x, y=y, yaw=yaw)
+            self.places[name] = replace(self.places[name], x=x, y=y, yaw=yaw)
 
     def carry(self, tip: pin.SE3, *, holding: bool) -> None:
         """Move what the gripper holds along with its tip; no message says which item that is."""
         if holding and not self.held:
             self.held = self._at(tip.translation)
             if self.held:
-                self._in_tip = tip.inverse() * self._places[self.held].frame()
+                self._in_tip = tip.inverse() * self.places[self.held].frame()
         if self.held:
             pose = tip * self._in_tip
             x, y, z = pose.translation.tolist()
             yaw = math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
-            self._places[self.held] = ItemPose(x=x, y=y, z=z, yaw=yaw)
+            self.places[self.held] = ItemPose(x=x, y=y, z=z, yaw=yaw)
         if not holding:
             self.held = ""
 
     def _at(self, tip: Vector) -> str:
         rows = [
             (math.dist((place.x, place.y, place.z), tip), name)
-            for name, place in self._places.items()
+            for name, place in self.places.items()
             if math.hypot(place.x - tip[0], place.y - tip[1]) < self._same
         ]
         return min(rows, default=(math.inf, ""))[1]
-
-    def place(self, name: str) -> ItemPose:
-        """Return where an item is."""
-        return self._places[name]
-
-
-_Row = tuple[Point, Quaternion]
 
 
 class _PortNames:
@@ -128,21 +126,15 @@ class WorldModel(Remembering):
         super().__init__(config)
         ports = Ports(config)
         self._ports = _PortNames(ports)
-        self._params = config.read(Params, ports.problems)
-        problems = config.problems().below(("params",))
-        params = self._params
+        params = self._params = config.read(Params, ports.problems)
+        problems, links = config.problems().below(("params",)), (params.frame, params.tip)
         joints = (*params.joints, *params.fingers)
-        robot = problems.attempt(
-            ("model",),
-            lambda: RobotModel(params.model, joints, links=(params.frame, params.tip)),
-        )
+        robot = problems.attempt(("model",), lambda: RobotModel(params.model, joints, links=links))
         if robot is None:
             raise problems.error()
         self._robot = robot
-        period_ns = config.every * config.step_ns
-        self._every = max(1, round(params.period_ns / period_ns))
+        self._every = max(1, round(params.period_ns / (config.every * config.step_ns)))
         self._items: Items | None = None
-        self._item_rows: dict[str, tuple[ItemPose, _Row]] = {}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Read which links the planogram lists.
@@ -161,12 +153,9 @@ class WorldModel(Remembering):
                 f"{suggest(frame, self._names)}"
             )
         own = bodies[self._names.index(frame)]
-        rows = zip(self._names, bodies, strict=True)
-        known = self._robot.links
-        self._own = {
-            n: name.removeprefix(prefix) for n, (name, body) in enumerate(rows) if body == own
-        }
-        lacking = [name for name in self._own.values() if name not in known]
+        rows = enumerate(zip(self._names, bodies, strict=True))
+        self._own = {n: name.removeprefix(prefix) for n, (name, body) in rows if body == own}
+        lacking = [name for name in self._own.values() if name not in self._robot.links]
         if lacking:
             raise WiringError(f"links {', '.join(lacking)} are not in {self._params.model}")
         types = described.details.get("type", [""] * len(self._names))
@@ -199,21 +188,14 @@ class WorldModel(Remembering):
         """Read the map: landmarks, items, and what is fixed."""
         params = self._params
         self._known = list(zip(planogram.position, planogram.orientation, strict=True))
-        marks = [
-            at[:2]
-            for name, (at, _) in zip(self._names, self._known, strict=True)
-            if name.startswith(params.landmark)
-        ]
-        start = _place(*self._known[self._names.index(params.prefix + params.frame)])
+        known = dict(zip(self._names, self._known, strict=True))
+        marks = [at[:2] for name, (at, _) in known.items() if name.startswith(params.landmark)]
+        start = _place(*known[params.prefix + params.frame])
         self._height = start.z
         self._localization = Localization(
             np.array(marks).reshape(-1, 2), params, (start.x, start.y, start.yaw)
         )
-        places = {
-            name: _place(*self._known[n])
-            for n, name in enumerate(self._names)
-            if name in self._types
-        }
+        places = {name: _place(*row) for name, row in known.items() if name in self._types}
         self._items = Items(self._types, places, params.same)
         return self._items
 
@@ -232,22 +214,13 @@ class WorldModel(Remembering):
                 items.see(name, x, y, yaw + yaw_of(turn))
 
     def _poses(self, items: Items, base: pin.SE3, q: np.ndarray) -> Poses:
-        rows = list(self._known)
-        for n, pose in zip(
-            self._own, self._robot.frame_poses(q, tuple(self._own.values())), strict=True
-        ):
+        rows, own = list(self._known), self._robot.frame_poses(q, tuple(self._own.values()))
+        for n, pose in zip(self._own, own, strict=True):
             rows[n] = _row(base * pose)
         for n, name in enumerate(self._names):
             if name in self._types:
-                rows[n] = self._item_row(name, items.place(name))
+                rows[n] = items.places[name].row
         return Poses(position=[at for at, _ in rows], orientation=[turn for _, turn in rows])
-
-    def _item_row(self, name: str, place: ItemPose) -> _Row:
-        """Return the pose of an item, computed again only once it is elsewhere."""
-        known = self._item_rows.get(name)
-        if known is None or known[0] is not place:
-            known = self._item_rows[name] = (place, _row(place.frame()))
-        return known[1]
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the result."""

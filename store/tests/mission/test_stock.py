@@ -6,7 +6,7 @@ import pytest
 
 from stepbus_schemas import Contacts, Description, Poses, WiringError
 from stepbus_store.mission.inventory import Stock, measures
-from stepbus_store.mission.witness import Moved, Witness
+from stepbus_store.mission.witness import Witness
 
 HALF = math.sqrt(0.5)
 CAN = "cylinder 0.033 0.115 @ 0 0 0.0575 0 0 0 1"
@@ -72,8 +72,8 @@ def test_what_the_robot_knocks_over_knocks_over_the_next_one():
 def test_what_the_robot_touched_long_ago_others_may_have_moved():
     witness = watched((0, 0, 0))
     witness.feel(TOUCH, ["pad"], 0.0)
-    (moved,) = witness.watch(poses((0.003, 0, 0)), 5.0, "")
-    assert moved.item == "cola_a1_1"
+    ((moved, _),) = witness.watch(poses((0.003, 0, 0)), 5.0, "")
+    assert moved == "cola_a1_1"
 
 
 def test_a_post_beside_the_gripper_pushes_what_the_robot_does_not_touch():
@@ -81,8 +81,8 @@ def test_a_post_beside_the_gripper_pushes_what_the_robot_does_not_touch():
     # Between the pads, 34 mm from its neighbour.
     held = [poses((0, 0, z), (0.1, y, 0)) for z, y in ((0.01, 0.0), (0.02, 0.01))]
     assert witness.watch(held[0], 0.05, "cola_a1_1") == []
-    (moved,) = witness.watch(held[1], 0.1, "cola_a1_1")
-    assert moved.item == "cola_a1_2"
+    ((moved, _),) = witness.watch(held[1], 0.1, "cola_a1_1")
+    assert moved == "cola_a1_2"
     assert witness.largest(held[1], "cola_a1_1") == (0.0, "")
 
 
@@ -108,7 +108,7 @@ def test_an_item_is_pushed_by_one_that_is_pushed_in_whatever_order_they_are_list
 
 def test_what_others_moved_is_reported_once_and_may_be_moved_by_the_robot_later():
     witness = watched((0, 0, 0))
-    assert witness.watch(poses((0.5, 0, 0)), 0.1, "") == [Moved(item="cola_a1_1", distance=0.5)]
+    assert witness.watch(poses((0.5, 0, 0)), 0.1, "") == [("cola_a1_1", 0.5)]
     assert witness.watch(poses((0.501, 0, 0)), 0.2, "") == []
     assert witness.largest(poses((0.501, 0, 0)), "") == (0.0, "")
     witness.watch(poses((0.501, 0, 0)), 0.3, "")
