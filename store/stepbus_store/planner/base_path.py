@@ -224,7 +224,8 @@ class BasePlanner:
                     found.append((route.seconds + _NEAR * slows, route, _detour(corners or ())))
         if found:
             return min(found, key=lambda row: row[0])[1:]
-        if corners is None or held:
+        legs = pairwise(corners or ())
+        if corners is None or held or not all(self._is_free(*leg, outlines) for leg in legs):
             return None, ""
         rows = [(float(p[0]), float(p[1]), goal[2]) for p in corners[1:]]
         seconds = _AT_CORNER * len(rows)
@@ -297,10 +298,7 @@ class BasePlanner:
         return None
 
     def _route(self, a: Vector, b: Vector, outlines: Sequence[Outline]) -> list[Vector] | None:
-        if self._is_free(a, b, outlines):
-            return [a, b]
-        corners = self._search(a, b, outlines)
-        return None if corners is None else self._cut(corners, outlines)
+        return [a, b] if self._is_free(a, b, outlines) else self._search(a, b, outlines)
 
     def _is_free(self, a: Vector, b: Vector, outlines: Sequence[Outline]) -> bool:
         count = math.ceil(float(np.linalg.norm(b - a)) / _ALONG)
@@ -311,30 +309,39 @@ class BasePlanner:
             for row in outlines
         )
 
-    def _cut(self, points: list[Vector], outlines: Sequence[Outline]) -> list[Vector]:
-        """Leave out what can be left out."""
-        kept, at = [points[0]], 0
-        while at < len(points) - 1:
-            ahead = range(len(points) - 1, at, -1)
-            at = next((n for n in ahead if self._is_free(points[at], points[n], outlines)), at + 1)
-            kept.append(points[at])
-        return kept
-
     def _search(self, a: Vector, b: Vector, outlines: Sequence[Outline]) -> list[Vector] | None:
+        """Return the corners of a path on a grid, without those that are not needed."""
         low = np.minimum(a, b) - _AROUND
         size = np.ceil((np.maximum(a, b) + _AROUND - low) / _CELL).astype(int) + 1
         xs, ys = (low[n] + _CELL * np.arange(size[n]) for n in (0, 1))
         cells = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
-        free = np.full(len(cells), True)
+        turns, drives = np.full(len(cells), True), np.full(len(cells), True)
         for row in outlines:
-            free &= distances(cells, row.corners) >= self._radius + self._more(row)
-        grid = free.reshape(size)
+            gaps = distances(cells, row.corners) - self._more(row)
+            turns &= gaps >= self._radius
+            drives &= gaps >= self._half_width
+        grid, straight = turns.reshape(size), drives.reshape(size)
         first, last = (tuple(np.rint((p - low) / _CELL).astype(int).tolist()) for p in (a, b))
         grid[first] = grid[last] = True
         path = _a_star(grid, first, last)
         if path is None:
             return None
-        return [a, *(low + _CELL * np.array(cell) for cell in path[1:-1]), b]
+        return [a, *(low + _CELL * np.array(cell) for cell in _cut(path, straight)[1:-1]), b]
+
+
+def _cut(path: Sequence[tuple[int, int]], free: Any) -> list[tuple[int, int]]:
+    """Return cells of a path between which all cells are free, as few as that takes."""
+
+    def sees(one: tuple[int, int], other: tuple[int, int]) -> bool:
+        count = 2 * max(abs(one[0] - other[0]), abs(one[1] - other[1]))
+        between = np.rint(np.linspace(one, other, count + 1)).astype(int)[1:-1]
+        return bool(free[between[:, 0], between[:, 1]].all())
+
+    kept, at = [path[0]], 0
+    while at < len(path) - 1:
+        at = next((n for n in range(len(path) - 1, at, -1) if sees(path[at], path[n])), at + 1)
+        kept.append(path[at])
+    return kept
 
 
 def _ends(request: PlanRequest) -> tuple[Point, Point]:
