@@ -18,10 +18,7 @@ _LINK_RADIUS = 0.1
 
 
 class Links:
-    """The links of a robot in its base; what is none of them, such as what it holds, is at the tip.
-
-    tip: frame at the end of the arm.
-    """
+    """The links of a robot in its base; what is none of them, as what it holds, is at `tip`."""
 
     def __init__(self, robot: RobotModel, tip: str) -> None:
         self._robot = robot
@@ -36,8 +33,7 @@ class Links:
 
     def position(self, link: str, q: Vector) -> Vector:
         """Return where a link is in the base at q, shape (n,) [rad], as shape (3,) [m]."""
-        position: Vector = self._robot.frame_pose(q, self._frame(link)).translation.copy()
-        return position
+        return np.array(self._robot.frame_pose(q, self._frame(link)).translation)
 
     def speeds(self, now: JointMotion, rate: float) -> Callable[[str], tuple[float, float]]:
         """Return a function: link → its speed now, and at the full rate of the motion [m/s].
@@ -53,7 +49,9 @@ class Links:
         def speeds(link: str) -> tuple[float, float]:
             frame = self._frame(link)
             if frame not in known:
-                full = _speed(twist_of(frame))
+                twist = twist_of(frame)
+                linear, angular = (math.sqrt(part.dot(part)) for part in (twist[:3], twist[3:]))
+                full = linear + _LINK_RADIUS * angular
                 known[frame] = (full * rate, full)
             return known[frame]
 
@@ -61,11 +59,6 @@ class Links:
 
     def _frame(self, link: str) -> str:
         return link if link in self._robot.links else self._tip
-
-
-def _speed(twist: Vector) -> float:
-    linear, angular = twist[:3], twist[3:]
-    return math.sqrt(linear.dot(linear)) + _LINK_RADIUS * math.sqrt(angular.dot(angular))
 
 
 _EVERY = 0.01
@@ -93,10 +86,10 @@ class BackOffPath:
         They are removed. distance: of the tip, wanted [m]. Raises Refused where none are left.
         """
         points, length = [rest], 0.0
-        before = self._tip_at(rest)
+        before = self._robot.frame_pose(rest, self._tip).translation
         while self._behind and length < distance:
             point = self._behind.pop()
-            tip = self._tip_at(point)
+            tip = self._robot.frame_pose(point, self._tip).translation
             ahead = float(np.linalg.norm(tip - before))
             if length + ahead > distance:
                 self._behind.append(point)
@@ -105,11 +98,6 @@ class BackOffPath:
             points.append(point)
             before, length = tip, length + ahead
         if length < 1e-6:
-            raise Refused(
-                Cause.NO_PATH, "the arm has not moved: there is no path to back off along"
-            )
+            text = "the arm has not moved: there is no path to back off along"
+            raise Refused(Cause.NO_PATH, text)
         return points, length
-
-    def _tip_at(self, q: Vector) -> Vector:
-        position: Vector = self._robot.frame_pose(q, self._tip).translation
-        return position

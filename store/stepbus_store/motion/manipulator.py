@@ -12,6 +12,7 @@ import numpy as np
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_schemas import BaseState, Goal, Plan, Point, RunError
 from stepbus_store.cause import Cause
+from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.candidates import CandidateFinder, about_as_near
 from stepbus_store.motion.fitting import all_fitted, fitted
 from stepbus_store.motion.follow import Candidate, joint_path
@@ -38,29 +39,39 @@ class Manipulator:
     In every step, in this order: `advance` the clock where motions may be slowed down, `check` what
     was measured, `take_plan`, `start`, publish `queries.pop()`, command `at(t)`.
 
-    limits: of the joints. router: finds motions to candidates; None: a planner does, which is
-    asked with `queries`. collisions: of the robot with itself when it stops; None: not checked.
-    Vectors are of shape (n,) [rad, rad/s, rad/s²].
+    limits: of the joints. seed: of all that is random. uses_planner: `queries` ask it for motions;
+    else the arm finds them, and avoids only itself. collisions: of the robot with itself; None: not
+    checked. tries_unholdable: it also goes to poses that the motors cannot hold. Vectors are of
+    shape (n,) [rad, rad/s, rad/s²].
     """
 
     def __init__(
         self,
-        finder: CandidateFinder,
+        robot: RobotModel,
         limits: MotionLimits,
         settling: JointParams,
         options: ManipulatorOptions,
         *,
-        router: DetourRouter | None = None,
+        seed: int,
+        uses_planner: bool = False,
         collisions: SelfCollisions | None = None,
+        tries_unholdable: bool = False,
     ) -> None:
-        robot = finder.robot
-        self._robot: RobotModel = robot
+        self._robot = robot
+        share = options.effort_share
+        solver = BranchSolver(robot, seed=seed, effort_share=share, collisions=collisions)
+        self._finder = CandidateFinder(solver, options, tries_unholdable=tries_unholdable)
+        self._router: DetourRouter | None = None
+        if not uses_planner:
+            self._router = DetourRouter(
+                robot, limits, seed=seed, collisions=collisions, effort_share=share
+            )
+        self.tip = options.tip
+        """Frame whose path counts when the arm backs off."""
         self.links = Links(robot, options.tip)
-        self._finder = finder
         self._limits = limits
         self._settling = settling
         self._options = options
-        self._router = router
         self._player = MotionPlayer(robot, limits, options, collisions)
         self.queries = PlannerQueries(options.plan_timeout)
         self._jam = JamWatch(robot, options.jam_lag, options.period)
@@ -84,8 +95,8 @@ class Manipulator:
     @property
     def follows_plan(self) -> bool:
         """Return whether the arm is on a planner's path, which `replan` can replace."""
-        is_under_way = self._player.clock.s < self._route_ends
-        return self._route is not None and self.queries.search is None and is_under_way
+        is_known = self._route is not None and self.queries.search is None
+        return is_known and self._player.clock.s < self._route_ends
 
     @property
     def blocked(self) -> str:
@@ -97,7 +108,7 @@ class Manipulator:
         """Move with a mass at the tip from the next goal on [kg]."""
         if load != self.queries.load:
             self.queries.load = load
-            self._robot.carry(load, self._options.tip)
+            self._robot.carry(load, self.tip)
 
     def hold(self, q: Vector) -> None:
         """Stand still at q."""
@@ -119,11 +130,6 @@ class Manipulator:
         command = self._player.command(t)
         self._jam.command(command)
         return command
-
-    @property
-    def tip(self) -> str:
-        """Return the frame whose path counts when the arm backs off."""
-        return self._options.tip
 
     @property
     def is_moving(self) -> bool:
@@ -150,16 +156,14 @@ class Manipulator:
         that drives at which the path has to be free; then the arm waits for `release`. Raises
         Refused for a goal that cannot be carried out; then the arm comes to rest.
         """
-        now = self._player.catch_up(t)
-        self._route = None
-        self._forget()
+        now = self._give_up(t)
         self._bases = bases
-        self._tip = (goal.tip or self._options.tip) if self._options.tip else ""
+        self._tip = (goal.tip or self.tip) if self.tip else ""
         try:
             if not (math.isfinite(goal.duration) and goal.duration >= 0):
                 text = f"duration is {goal.duration:g} s; it must be finite and not negative"
                 raise Refused(Cause.INVALID, text)
-            return self._begin(goal, now, q, base, held)
+            return self._begin(goal, self._brake(now), q, base, held)
         except RunError as exc:
             self._brake(now)
             if isinstance(exc, Refused):
@@ -180,15 +184,17 @@ class Manipulator:
 
     def take_plan(self, plan: Plan, t: float) -> None:
         """Follow a planner's answer, or record that its path is blocked; older ones are ignored."""
-        search = self.queries.answered(plan)
+        search = self.queries.search
         if search is None:
-            if self.queries.search is None:
-                self._block(plan)
+            self._block(plan)
+        if search is None or plan.id != search.request_id:
             return
         try:
             if plan.cause:
                 raise refusal_of(plan)
-            parts = self._parts(plan, search)
+            target, is_there = search.candidate.target, search.candidate.is_at(search.rest)
+            first = [] if is_there else [planned(plan, search.rest, target, self._robot)]
+            parts = self._fitted(search.candidate, search.goal.duration, first)
         except Refused as exc:
             self._fail(self.queries.try_next(search, exc, t))
             return
@@ -214,21 +220,17 @@ class Manipulator:
         after = sum(part.duration for part in parts[len(parts) - len(search.candidate.paths) :])
         self._route_ends = self._player.trajectory.duration - after
 
-    def _parts(self, plan: Plan, search: PlannerSearch) -> list[Trajectory]:
-        """Return the motions of an answered search; raises Refused."""
-        candidate = search.candidate
-        parts = self._along(candidate)
-        if not candidate.is_at(search.rest):
-            parts.insert(0, planned(plan, search.rest, candidate.target, self._robot))
-        return self._fitted(parts, search.goal.duration)
-
-    def _along(self, candidate: Candidate) -> list[Trajectory]:
-        return [along_path(path, self._options.tip_limits) for path in candidate.paths]
-
-    def _fitted(self, parts: list[Trajectory], duration: float) -> list[Trajectory]:
-        share = self._options.effort_share
+    def _fitted(
+        self, candidate: Candidate, duration: float = 0.0, first: Sequence[Trajectory] = ()
+    ) -> list[Trajectory]:
+        """Return the motions along a candidate's paths, after others; duration: of all [s]."""
+        along = (along_path(path, self._options.tip_limits) for path in candidate.paths)
         return all_fitted(
-            parts, self._robot, self._limits, effort_share=share, least_duration=duration
+            [*first, *along],
+            self._robot,
+            self._limits,
+            effort_share=self._options.effort_share,
+            least_duration=duration,
         )
 
     def replan(self, t: float, *, touches: bool = False) -> None:
@@ -241,9 +243,7 @@ class Manipulator:
         route = self._route
         if route is None:
             raise RunError("there is no planned path to replace")
-        now = self._player.catch_up(t)
-        self._forget()
-        rest = self._brake(now, hard=True, touches=touches)
+        rest = self._brake(self._give_up(t, keeps_route=True), hard=True, touches=touches)
         candidates = itertools.chain([route.candidate], route.candidates)
         self._search(route.goal, route.held, rest, candidates)
 
@@ -253,10 +253,7 @@ class Manipulator:
         What the gripper holds is kept, unless the robot touches something, or is about to.
         keeps_route: `replan` will continue.
         """
-        now = self._player.catch_up(t)
-        self._route = self._route if keeps_route else None
-        self._forget()
-        self._brake(now, hard=True, touches=touches)
+        self._brake(self._give_up(t, keeps_route=keeps_route), hard=True, touches=touches)
         self._watch()
 
     def stop_harder(self, t: float) -> None:
@@ -274,9 +271,7 @@ class Manipulator:
         distance: of the tip, wanted [m]; the recorded path may be shorter. Raises Refused where
         there is none.
         """
-        now = self._player.catch_up(t)
-        self._forget()
-        rest = self._brake(now, hard=True, touches=True)
+        rest = self._brake(self._give_up(t, keeps_route=True), hard=True, touches=True)
         points, length = self._behind.take(rest, distance)
         slow = MotionLimits.of_one(
             _BACK_OFF_SHARE * float(self._limits.velocity.min()),
@@ -296,12 +291,9 @@ class Manipulator:
         stuck = self._jam.stuck(q)
         if not stuck.any():
             return ""
-        now = self._player.catch_up(t)
-        self._route = None
-        self._forget()
-        self._brake(now.without(stuck, q), hard=True, touches=True)
+        self._brake(self._give_up(t).without(stuck, q), hard=True, touches=True)
         self._watch()
-        return self._jam.text(q, effort)
+        return self._jam.text(effort)
 
     def check(self, q: Vector, v: Vector, t: float) -> Outcome | None:
         """Compare with what was measured; return how the goal ended, once it has."""
@@ -324,8 +316,7 @@ class Manipulator:
 
     # From a goal to a motion
 
-    def _begin(self, goal: Goal, now: JointMotion, q: Vector, base: BaseState, held: str) -> str:
-        rest = self._brake(now)
+    def _begin(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:
         if goal.type == "move_linear":
             return self._line(goal, rest, q, base, held)
         solutions = self._finder.candidates(goal, rest, q, base)
@@ -339,7 +330,7 @@ class Manipulator:
         if self._router is None:
             return self._search(goal, held, rest, candidates)
         candidate, motions = self._router.route(rest, candidates, goal.duration)
-        parts = [*motions, *self._fitted(self._along(candidate), 0.0)]
+        parts = [*motions, *self._fitted(candidate)]
         self._then(parts)
         self.caution = "" if candidate.holds else Cause.NOT_HOLDABLE
         seconds = sum(part.duration for part in parts)
@@ -352,7 +343,7 @@ class Manipulator:
             self._then([AtRest(rest)])
             return "the tip is there already"
         candidate = Candidate(target=rest, paths=(path,))
-        parts = self._fitted(self._along(candidate), goal.duration)
+        parts = self._fitted(candidate, goal.duration)
         ends = (self._robot.frame_pose(path.q[i], goal.tip).translation for i in (0, -1))
         length = float(np.linalg.norm(np.subtract(*ends)))
         text = f"straight path of {length:.3f} m; {parts[0].duration:.2f} s of motion"
@@ -384,6 +375,12 @@ class Manipulator:
 
     # The motion under way
 
+    def _give_up(self, t: float, *, keeps_route: bool = False) -> JointMotion:
+        """Forget what is under way, and return the joints at a time [s]."""
+        self._route = self._route if keeps_route else None
+        self._forget()
+        return self._player.catch_up(t)
+
     def _forget(self) -> None:
         self.queries.cancel()
         self._settle, self._verdict = None, None
@@ -392,7 +389,6 @@ class Manipulator:
         self._ready, self._bases = None, ()
 
     def _brake(self, now: JointMotion, *, hard: bool = False, touches: bool = False) -> Vector:
-        self._backs_off = False
         holds = self.queries.load > 0.0 and not touches
         self._keeps_held = hard and holds
         return self._player.brake(now, hard=hard, holds=holds)

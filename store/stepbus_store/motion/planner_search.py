@@ -31,8 +31,7 @@ class PlannerSearch:
     """The candidates of a goal, and what the planner is asked about the current one.
 
     rest: where the arm waits, shape (n,) [rad]. bases: poses of the base at which the path has to
-    be free; empty: where it stands. request_id, asked_at: of the newest request; its
-    time [s].
+    be free; empty: where it stands. request_id, asked_at: of the newest request; its time [s].
     """
 
     goal: Goal
@@ -76,9 +75,8 @@ class PlannerQueries:
 
     def next_id(self) -> int:
         """Return the id of a new request."""
-        number = self._next_id
         self._next_id += 1
-        return number
+        return self._next_id - 1
 
     def pop(self) -> PlanRequest | None:
         """Return what to send to the planner, once."""
@@ -96,11 +94,6 @@ class PlannerQueries:
         self.cancel()
         text = f"the planner has not answered for {self._timeout:g} s"
         return Refused(Cause.NO_PLAN, f"{text}; is it running?")
-
-    def answered(self, plan: Plan) -> PlannerSearch | None:
-        """Return the search that a plan answers; None: it is an older one's."""
-        search = self.search
-        return search if search is not None and plan.id == search.request_id else None
 
     def try_next(self, search: PlannerSearch, problem: Refused, t: float) -> Refused | None:
         """Ask about the next candidate; return the refusal of the goal where there is none."""

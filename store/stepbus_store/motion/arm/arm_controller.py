@@ -9,7 +9,8 @@ from stepbus_store.memory import Remembering
 from stepbus_store.motion.arm.params import Params
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.joint_motion import ManipulatorOptions
-from stepbus_store.motion.manipulator_setup import make_limits, make_manipulator, make_robot
+from stepbus_store.motion.manipulator import Manipulator
+from stepbus_store.motion.manipulator_setup import make_limits, make_robot
 from stepbus_store.motion.outcome import JointSensor, Measured
 from stepbus_store.motion.parts import Parts
 
@@ -53,15 +54,12 @@ class ArmController(Remembering):
         return {port: Description(names=names) for port in ports if port is not None}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Map the joints by name and take the plant's effort limits.
-
-        Raises WiringError for joints that the plant does not sense.
-        """
+        """Put the arm together; raises WiringError for joints that the plant does not sense."""
         params, robot, port = self._params, self._robot, self._state_port
         self._sensor = JointSensor(
             port, inputs[port], robot, period=self._period, prefix=params.prefix
         )
-        self._manipulator = make_manipulator(
+        self._manipulator = Manipulator(
             robot,
             make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
             params,
@@ -79,9 +77,12 @@ class ArmController(Remembering):
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the targets of this step, and what is new about the goal."""
         if step.is_new(self._state_port):
-            self._sense(step)
-        now = self._now
-        if now is None:
+            now = self._sensor.read(step.read(self._state_port, JointState))
+            if self._now is None:
+                self._executor.hold(now)
+            self._now = now
+            self._executor.check(now, step.t, self._period)
+        if self._now is None:
             return {}
         goal = step.get(self._goal_port, Goal)
         if goal is not None and goal.id != self._goal_id:
@@ -93,16 +94,9 @@ class ArmController(Remembering):
         if status is not None:
             messages[self._goal_status_port] = status
         if self._status_port is not None:
-            error = target.position - now.q
+            error = target.position - self._now.q
             messages[self._status_port] = self._executor.reports.controller_status(error)
         return messages
-
-    def _sense(self, step: Step) -> None:
-        now = self._sensor.read(step.read(self._state_port, JointState))
-        if self._now is None:
-            self._executor.hold(now)
-        self._now = now
-        self._executor.check(now, step.t, self._period)
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the motion."""

@@ -17,7 +17,6 @@ from stepbus_schemas import BaseState, Goal, JointCommand, Plan, PlanRequest
 from stepbus_store.motion.joint_motion import ManipulatorOptions, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.manipulator import Manipulator
-from stepbus_store.motion.manipulator_setup import make_manipulator
 from stepbus_store.motion.outcome import Outcome
 
 JOINTS = (
@@ -56,9 +55,7 @@ def make_arm(
 ) -> Manipulator:
     settling = JointParams(model=Path(), joints=(), settle_timeout=settle_timeout)
     given = ManipulatorOptions(**{"period": PERIOD, "tip": "tool0", **options})
-    arm = make_manipulator(
-        robot, make_limits(robot), settling, given, seed=0, uses_planner=uses_planner
-    )
+    arm = Manipulator(robot, make_limits(robot), settling, given, seed=0, uses_planner=uses_planner)
     arm.hold(HOME)
     return arm
 
