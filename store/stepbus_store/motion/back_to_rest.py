@@ -87,7 +87,7 @@ class BackToRest:
     def _plan(self, now: Measured, t: float) -> str:
         self.is_freeing = False
         goal = replace(self.goal, type="move_joints" if self.goal.joints else "move_to_pose")
-        return self.arm.start(goal, now.q, now.base, t, held=self.held)
+        return self.arm.start(goal, now, t, held=self.held)
 
     def _free(self, now: Measured, t: float) -> bool:
         """Start the next motion that frees the arm; return False where none is left."""
@@ -120,4 +120,4 @@ class BackToRest:
             position=(x * share, y * share, z + up),
             orientation=turn,
         )
-        self.arm.start(goal, now.q, now.base, t, held=self.held)
+        self.arm.start(goal, now, t, held=self.held)

@@ -154,11 +154,9 @@ class BranchSolver:
             raise Refused(Cause.LIMITS, self._limits_text(branches))
         singular = [self.smallest(tip, turns[0]) for turns in inside]
         if max(singular) < SINGULAR_BELOW:
-            raise Refused(
-                Cause.SINGULAR,
-                f"singular: the best of {len(inside)} solutions has a smallest singular value of "
-                f"{max(singular):.4f}; at least {SINGULAR_BELOW:.4f} is needed",
-            )
+            text = f"singular: the best of {len(inside)} solutions has a smallest singular value of"
+            needs = f"{max(singular):.4f}; at least {SINGULAR_BELOW:.4f} is needed"
+            raise Refused(Cause.SINGULAR, f"{text} {needs}")
         regular = list(itertools.compress(inside, (one >= SINGULAR_BELOW for one in singular)))
         loads = [self.overload(tip, turns[0]) for turns in regular]
         holdable = [turns for turns, load in zip(regular, loads, strict=True) if load is None]
@@ -211,16 +209,13 @@ class BranchSolver:
         return robot.overload(q, robot.chain(tip), self._effort_share)
 
     def _limits_text(self, branches: Sequence[Vector]) -> str:
-        robot = self.robot
-        branch = min(branches, key=lambda one: float(self._excess(one).max()))
-        worst = int(np.argmax(self._excess(branch)))
+        """Return a sentence on the joint for which the best branch fails; any full turn counts."""
+        robot, turns = self.robot, TURN * np.array([[-1.0], [0.0], [1.0]])
+        angles = [branch + turns for branch in branches]
+        beyond = [np.maximum(robot.lower - one, one - robot.upper).clip(0.0) for one in angles]
+        best = int(np.argmin([rows.min(axis=0).max() for rows in beyond]))
+        branch, worst = branches[best], int(np.argmax(beyond[best].min(axis=0)))
         return (
             f"out of limits: {robot.joints[worst]} would have to go to {branch[worst]:.3f} rad, "
             f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}]"
         )
-
-    def _excess(self, branch: Vector) -> Vector:
-        """Return by how much each joint is beyond its limits at best, shape (n,) [rad]."""
-        angles = branch + TURN * np.array([[-1.0], [0.0], [1.0]])
-        beyond = np.maximum(self.robot.lower - angles, angles - self.robot.upper)
-        return np.asarray(np.maximum(beyond, 0.0).min(axis=0))

@@ -9,32 +9,25 @@ import pinocchio as pin
 
 from stepbus_kinematics import Indices, RobotModel, Vector
 from stepbus_participant import suggest
-from stepbus_schemas import BaseState, Goal, RunError
+from stepbus_schemas import Goal
 from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.follow import Candidate, JointPath, check_path, follow, line
 from stepbus_store.motion.ik_search import Solution
 from stepbus_store.motion.joint_motion import ManipulatorOptions
-from stepbus_store.motion.outcome import FARTHEST, Refused
+from stepbus_store.motion.outcome import FARTHEST, Measured, Refused
 from stepbus_store.motion.spiral import SpiralPlanner
 
-ODOMETRY = "odometry"
-"""Frame of a goal: the base's pose at the start."""
 
-
-def frame_in_base(robot: RobotModel, q: Vector, base: BaseState, frame: str) -> Any:
+def frame_in_base(robot: RobotModel, at: Measured, frame: str) -> Any:
     """Return the pose of a goal's frame in the robot's base, a `pinocchio.SE3`.
 
-    q: shape (n,) [rad]. frame: a link, `odometry`, or empty for the base. Raises Refused for an
-    unknown one.
+    frame: a link, `odometry`, or empty for the base. Raises RunError for an unknown one.
     """
-    if frame == ODOMETRY:
-        turn = pin.utils.rotate("z", base.yaw)
-        return pin.SE3(turn, np.array([base.x, base.y, 0.0])).inverse()
-    try:
-        return robot.frame_pose(q, frame)
-    except RunError as exc:
-        raise Refused(Cause.INVALID, str(exc)) from exc
+    if frame == "odometry":
+        turn = pin.utils.rotate("z", at.base.yaw)
+        return pin.SE3(turn, np.array([at.base.x, at.base.y, 0.0])).inverse()
+    return robot.frame_pose(at.q, frame)
 
 
 def target_pose(goal: Goal) -> Any:
@@ -105,10 +98,8 @@ class CandidateFinder:
         self._spirals = SpiralPlanner(solver, options.turn_radius)
         self._tries_unholdable = tries_unholdable
 
-    def candidates(
-        self, goal: Goal, rest: Vector, q: Vector, base: BaseState
-    ) -> Iterator[Candidate]:
-        """Return where to go from rest; q: measured, both of shape (n,) [rad].
+    def candidates(self, goal: Goal, rest: Vector, at: Measured) -> Iterator[Candidate]:
+        """Return where to go from rest, shape (n,) [rad]; at: measured.
 
         Raises Refused for a goal of another part, and where there is no candidate; RunError for an
         unknown frame.
@@ -120,7 +111,7 @@ class CandidateFinder:
         if goal.type not in {"move_to_pose", "spiral"}:
             raise Refused(Cause.INVALID, f"this arm has no goals of type {goal.type}")
         chain = self._solver.chain(goal.tip)
-        frame = frame_in_base(self._robot, q, base, goal.frame)
+        frame = frame_in_base(self._robot, at, goal.frame)
         target_in_base = frame * target_pose(goal)
         if goal.type == "spiral":
             yield from self._spirals.solve(goal, frame, target_in_base, rest)
@@ -131,13 +122,13 @@ class CandidateFinder:
         else:
             yield self._accepted(self._solver.search.solve(goal.tip, target_in_base, rest))
 
-    def line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> JointPath | None:
+    def line(self, goal: Goal, rest: Vector, at: Measured) -> JointPath | None:
         """Return the joints along a straight path of the tip; None: the tip is there already.
 
         Raises Refused where the joints cannot follow it.
         """
         self._solver.chain(goal.tip)
-        target = frame_in_base(self._robot, q, base, goal.frame) * target_pose(goal)
+        target = frame_in_base(self._robot, at, goal.frame) * target_pose(goal)
         start = self._robot.frame_pose(rest, goal.tip)
         if not start.isApprox(target):
             # An end that is out of reach is refused with the numbers of how far it is, before a

@@ -9,7 +9,7 @@ from stepbus_store.motion.back_to_rest import BackToRest
 from stepbus_store.motion.concurrent_motion import ConcurrentMotion
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.outcome import Measured, Outcome, Refused, Reports, failure_of
-from stepbus_store.motion.parts import PART_OF, Part, Parts
+from stepbus_store.motion.parts import PART_OF, Ends, Part, Parts
 from stepbus_store.motion.sensed import Collision
 
 _LATE = 1.02
@@ -57,10 +57,7 @@ class GoalExecutor:
         self._parts.hold(now)
 
     def interrupt(self, now: Measured, text: str, dt: float) -> None:
-        """Fail all goals, and stay where an emergency stop brings the robot; text: about it.
-
-        Call it instead of `check` in each step in which it is active.
-        """
+        """Instead of `check`, fail all goals, and stay where an emergency stop brings the robot."""
         self._measured, self._interrupted = now, text
         # What is held, and what is touched, is known afterwards.
         self._avoidance.scale(now, dt, has_goal=False)
@@ -78,8 +75,7 @@ class GoalExecutor:
         for _ in range(2):
             active = self._active
             if active is not None and active.part != "all":
-                self._parts.rest(active.part, t)
-                self._end(active, failure)
+                self._fail(active, failure, t)
 
     # A goal begins
 
@@ -207,24 +203,19 @@ class GoalExecutor:
                 concurrent.check(now, t)
             end = self._avoidance.approach(driving.goal, "base", t) or end
             if end is not None:
-                self._arrive(active, driving, end, now, t)
+                self._driving = None
+                self._report_end(driving, end)
+                # What moves beside it continues, unless that failed.
+                if end.state != "succeeded":
+                    self._fail(active, end, t)
+                    return
+                self._avoidance.join(active.goal, active.part)
+                if concurrent is not None:
+                    concurrent.arrived(now, t)
             elif concurrent is not None and self._parts.base_stops():
                 concurrent.postpone(now, t)
         except RunError as exc:
             self._fail(active, failure_of(exc), t)
-
-    def _arrive(
-        self, active: ActiveGoal, driving: ActiveGoal, end: Outcome, now: Measured, t: float
-    ) -> None:
-        """Report the end of the base's goal; what moves beside it continues, unless that failed."""
-        self._driving = None
-        self._report_end(driving, end)
-        if end.state != "succeeded":
-            self._fail(active, end, t)
-            return
-        self._avoidance.join(active.goal, active.part)
-        if self._concurrent is not None:
-            self._concurrent.arrived(now, t)
 
     def _accompanied(
         self, concurrent: ConcurrentMotion, end: Outcome | None, now: Measured, t: float
@@ -266,12 +257,7 @@ class GoalExecutor:
         return True
 
     def _outcome(
-        self,
-        active: ActiveGoal,
-        ends: dict[Part, Outcome | None],
-        collision: Collision | None,
-        lost: str,
-        t: float,
+        self, active: ActiveGoal, ends: Ends, collision: Collision | None, lost: str, t: float
     ) -> Outcome | None:
         """Return the end of the active goal, once it has ended."""
         goal, part, avoidance = active.goal, active.part, self._avoidance

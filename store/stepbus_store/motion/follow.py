@@ -197,12 +197,10 @@ def _check_limits(robot: RobotModel, q: Vector) -> None:
     beyond = np.maximum(robot.lower - q, q - robot.upper)
     worst = int(np.argmax(beyond))
     if beyond[worst] > 1e-9:
-        joint = robot.joints[worst]
-        raise Refused(
-            Cause.LIMITS,
-            f"out of limits: {joint} would have to go to {q[worst]:.3f} {robot.unit(joint)}, "
-            f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}],",
-        )
+        joint, low, high = robot.joints[worst], robot.lower[worst], robot.upper[worst]
+        text = f"{joint} would have to go to {q[worst]:.3f} {robot.unit(joint)}"
+        text = f"out of limits: {text}, its limits are [{low:.3f}, {high:.3f}],"
+        raise Refused(Cause.LIMITS, text)
 
 
 def _solved(jacobian: Vector, twist: Vector) -> Vector:

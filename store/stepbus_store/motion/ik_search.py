@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -14,9 +14,6 @@ SINGULAR_BELOW = 0.01
 """Smallest singular value of a tip's Jacobian that is accepted, with lengths in [m]."""
 
 Verdict = Literal["reached", "not_holdable", "in_collision", "singular", "unreachable"]
-_WORSE: tuple[Verdict, ...] = (
-    "reached", "not_holdable", "in_collision", "singular", "unreachable",
-)  # fmt: skip
 """From best to worst; of several attempts the best is returned."""
 
 _LARGEST_STEP = 0.5
@@ -218,4 +215,6 @@ def _rank(solution: Solution) -> tuple[int, float]:
     """Return a sort key that is smaller for a better solution."""
     miss = solution.position_error + solution.orientation_error
     load = solution.overload.required - solution.overload.available if solution.overload else 0.0
-    return _WORSE.index(solution.verdict), miss if solution.verdict == "unreachable" else load
+    return get_args(Verdict).index(
+        solution.verdict
+    ), miss if solution.verdict == "unreachable" else load

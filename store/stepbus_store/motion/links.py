@@ -16,6 +16,9 @@ from stepbus_store.motion.outcome import Refused
 _LINK_RADIUS = 0.1
 """How far the points of a link are from the axis about which it turns [m]."""
 
+_MOST, _EVERY = 2000, 0.01
+"""How many commanded poses are kept, and at which distance [rad]."""
+
 
 class Links:
     """The links of a robot in its base; what is none of them, as what it holds, is at `tip`."""
@@ -23,6 +26,7 @@ class Links:
     def __init__(self, robot: RobotModel, tip: str) -> None:
         self._robot = robot
         self._tip = tip
+        self._behind: deque[Vector] = deque(maxlen=_MOST)
 
     def tip_pose(self, q: Vector) -> tuple[Point, Quaternion]:
         """Return position and orientation of the tip in the base at q, shape (n,) [rad, m]."""
@@ -36,11 +40,7 @@ class Links:
         return np.array(self._robot.frame_pose(q, self._frame(link)).translation)
 
     def speeds(self, now: JointMotion, rate: float) -> Callable[[str], tuple[float, float]]:
-        """Return a function: link → its speed now, and at the full rate of the motion [m/s].
-
-        now: the motion at its full rate, which it makes at the share `rate`. A turning link counts
-        as wide as 0.1 m.
-        """
+        """Return a function: link → its speed at a rate, and at the full rate of `now` [m/s]."""
         if not now.velocity.any():
             return lambda _: (0.0, 0.0)
         twist_of = self._robot.twists(now.position, now.velocity)
@@ -60,23 +60,8 @@ class Links:
     def _frame(self, link: str) -> str:
         return link if link in self._robot.links else self._tip
 
-
-_EVERY = 0.01
-"""Distance of the poses that are kept [rad]."""
-
-_MOST = 2000
-
-
-class BackOffPath:
-    """Records commanded poses, the newest 2000; tip: frame whose path counts."""
-
-    def __init__(self, robot: RobotModel, tip: str) -> None:
-        self._robot = robot
-        self._tip = tip
-        self._behind: deque[Vector] = deque(maxlen=_MOST)
-
     def record(self, q: Vector) -> None:
-        """Keep a pose, shape (n,) [rad], unless it is close to the newest one."""
+        """Keep a commanded pose, shape (n,) [rad], unless it is close to the newest one."""
         if not self._behind or np.abs(q - self._behind[-1]).max() >= _EVERY:
             self._behind.append(q)
 

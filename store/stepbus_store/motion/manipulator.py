@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
-from stepbus_schemas import BaseState, Goal, Plan, Point, RunError
+from stepbus_schemas import Goal, Plan, Point, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.candidates import CandidateFinder, about_as_near
@@ -18,8 +18,8 @@ from stepbus_store.motion.fitting import all_fitted, fitted
 from stepbus_store.motion.follow import Candidate, joint_path
 from stepbus_store.motion.joint_motion import JointMotion, ManipulatorOptions, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.links import BackOffPath, Links
-from stepbus_store.motion.outcome import Outcome, Refused
+from stepbus_store.motion.links import Links
+from stepbus_store.motion.outcome import Measured, Outcome, Refused
 from stepbus_store.motion.planner_search import PlannerQueries, PlannerSearch, refusal_of
 from stepbus_store.motion.player import MotionPlayer, planned
 from stepbus_store.motion.routes import DetourRouter
@@ -81,12 +81,11 @@ class Manipulator:
         self._route: PlannerSearch | None = None
         self._route_ends = 0.0
         self._blocked = ""
-        self._behind = BackOffPath(robot, options.tip)
         self._backs_off = False
         self._keeps_held = False
         self._ready: tuple[list[Trajectory], PlannerSearch] | None = None
         self._bases: Sequence[Point] = ()
-        self._began_at = 0.0
+        self._began_at = self._ended_at = 0.0
         self.took: float | None = None
         """How long the last motion took, once it is over [s]."""
         self.caution = ""
@@ -117,13 +116,10 @@ class Manipulator:
         self._player.rest(q)
 
     def advance(self, dt: float, scale: float) -> None:
-        """Move the motion on by dt [s] of simulation; its time runs `scale` times as fast.
-
-        scale: 0 (stand) to 1. It is approached so that the joints keep their acceleration limits.
-        """
+        """Move on by dt [s]; time comes to run `scale`, 0 to 1, as fast, without a jerk."""
         q = self._player.advance(dt, scale)
         if not self._backs_off:
-            self._behind.record(q)
+            self.links.record(q)
 
     def at(self, t: float) -> JointMotion:
         """Return the command for a time [s]."""
@@ -141,20 +137,13 @@ class Manipulator:
         return self.links.speeds(self._player.nominal(), self._player.clock.rate)
 
     def start(
-        self,
-        goal: Goal,
-        q: Vector,
-        base: BaseState,
-        t: float,
-        *,
-        held: str = "",
-        bases: Sequence[Point] = (),
+        self, goal: Goal, at: Measured, t: float, *, held: str = "", bases: Sequence[Point] = ()
     ) -> str:
         """Start a goal and return a sentence for its status; the one before is forgotten.
 
-        q: measured. base: odometry. held: link of the world in the gripper. bases: poses of a base
-        that drives at which the path has to be free; then the arm waits for `release`. Raises
-        Refused for a goal that cannot be carried out; then the arm comes to rest.
+        at: joints and base. held: link of the world in the gripper. bases: poses of a base that
+        drives at which the path has to be free; then the arm waits for `release`. Raises Refused
+        for a goal that cannot be carried out; then the arm comes to rest.
         """
         now = self._give_up(t)
         self._bases = bases
@@ -163,7 +152,7 @@ class Manipulator:
             if not (math.isfinite(goal.duration) and goal.duration >= 0):
                 text = f"duration is {goal.duration:g} s; it must be finite and not negative"
                 raise Refused(Cause.INVALID, text)
-            return self._begin(goal, self._brake(now), q, base, held)
+            return self._begin(goal, self._brake(now), at, held)
         except RunError as exc:
             self._brake(now)
             if isinstance(exc, Refused):
@@ -272,7 +261,7 @@ class Manipulator:
         there is none.
         """
         rest = self._brake(self._give_up(t, keeps_route=True), hard=True, touches=True)
-        points, length = self._behind.take(rest, distance)
+        points, length = self.links.take(rest, distance)
         slow = MotionLimits.of_one(
             _BACK_OFF_SHARE * float(self._limits.velocity.min()),
             float(self._limits.acceleration.min()),
@@ -305,8 +294,9 @@ class Manipulator:
         if self._settle is None or late < 0:
             return None
         if self.took is None:
-            self.took = t - late - self._began_at
-        outcome = self._settle.check(q, v, t, late)
+            self._ended_at = t - late
+            self.took = self._ended_at - self._began_at
+        outcome = self._settle.check(q, v, t - self._ended_at)
         if outcome is not None:
             self._settle = None
             if outcome.state == "failed":
@@ -316,10 +306,10 @@ class Manipulator:
 
     # From a goal to a motion
 
-    def _begin(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:
+    def _begin(self, goal: Goal, rest: Vector, at: Measured, held: str) -> str:
         if goal.type == "move_linear":
-            return self._line(goal, rest, q, base, held)
-        solutions = self._finder.candidates(goal, rest, q, base)
+            return self._line(goal, rest, at, held)
+        solutions = self._finder.candidates(goal, rest, at)
         if self._bases:
             # Later, while the base stands, the arm may go the short way.
             solutions = about_as_near(solutions, rest)
@@ -337,8 +327,8 @@ class Manipulator:
         text = f"{seconds:.2f} s of motion in {len(parts)} parts"
         return f"{candidate.text or 'reached'}; {text}"
 
-    def _line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:
-        path = self._finder.line(goal, rest, q, base)
+    def _line(self, goal: Goal, rest: Vector, at: Measured, held: str) -> str:
+        path = self._finder.line(goal, rest, at)
         if path is None:
             self._then([AtRest(rest)])
             return "the tip is there already"

@@ -1,10 +1,11 @@
 """The robot of an arm, and the limits of its joints."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
-from stepbus_kinematics import RobotModel
+from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import PerName, Problems
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.joint_params import JointParams
@@ -26,6 +27,15 @@ def make_robot(
     if robot is None:
         raise problems.error()
     return robot
+
+
+def make_collisions(
+    robot: RobotModel, srdf: Path | None, margin: float, problems: Problems
+) -> SelfCollisions | None:
+    """Return the check of a robot against itself; None: there is no SRDF, or a problem with it."""
+    if srdf is None:
+        return None
+    return problems.attempt(("srdf",), lambda: SelfCollisions(robot, srdf, margin))
 
 
 def make_limits(

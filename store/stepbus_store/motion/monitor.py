@@ -80,11 +80,7 @@ class Grasp:
         self.between: set[str] = set()
 
     def update(self, contacts: Contacts, *, holding: bool, grips: bool) -> None:
-        """Take the contacts of a step.
-
-        holding: whether the gripper holds something between its pads. grips: whether the goal
-        under way moves them.
-        """
+        """Take the contacts of a step; holding: the pads hold a thing, grips: a goal moves them."""
         one, other = (_touched_by(contacts, pad) for pad in self._params.pads)
         close = {link for pad in self._params.pads for link in _near(contacts, pad, _APART)}
         if grips:
@@ -198,10 +194,9 @@ class CollisionMonitor:
         speed_of: SpeedOf = lambda _: (1.0, 1.0),
         base_speed: float = 0.0,
     ) -> Watch:
-        """Check the contacts of a step, dt [s] after the one before.
+        """Check the contacts of a step, dt [s] after the last.
 
-        holding: whether the gripper holds something between its pads. base_speed: of the fastest
-        point that the base moves [m/s].
+        holding: the pads hold something. base_speed: of the fastest point that it moves [m/s].
         """
         self._learn_ground(contacts)
         self._follow_base(contacts, dt)

@@ -15,6 +15,7 @@ from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
 
 Part = Literal["arm", "base", "gripper", "all"]
+Ends = dict[Part, Outcome | None]
 
 PART_OF: Mapping[GoalType, Part] = {
     "move_joints": "arm",
@@ -72,7 +73,7 @@ class Parts:
         """Start a goal at a time [s] and return a sentence; raises Refused."""
         match part:
             case "arm":
-                return self.arm.start(goal, now.q, now.base, t, held=held)
+                return self.arm.start(goal, now, t, held=held)
             case "base" if self.base is not None:
                 if self.check_stowed is not None:
                     self.check_stowed(now.q)
@@ -110,9 +111,9 @@ class Parts:
         gripper.secure(scale.load)
         self.arm.carry(scale.load)
 
-    def check(self, now: Measured, t: float) -> dict[Part, Outcome | None]:
+    def check(self, now: Measured, t: float) -> Ends:
         """Return how the goal of each part ended at a time [s], once it has."""
-        ends: dict[Part, Outcome | None] = {"arm": self.arm.check(now.q, now.v, t)}
+        ends: Ends = {"arm": self.arm.check(now.q, now.v, t)}
         if self.base is not None:
             end = self.base.check(now.base)
             ends["base"] = end if self.navigator is None else self.navigator.check(end, t)

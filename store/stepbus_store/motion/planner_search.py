@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class PlannerSearch:
     bases: Sequence[Point]
     request_id: int
     asked_at: float = 0.0
-    refusals: list[str] = field(default_factory=list)
+    refused: int = 0
 
 
 class PlannerQueries:
@@ -97,12 +97,12 @@ class PlannerQueries:
 
     def try_next(self, search: PlannerSearch, problem: Refused, t: float) -> Refused | None:
         """Ask about the next candidate; return the refusal of the goal where there is none."""
-        search.refusals.append(str(problem))
+        search.refused += 1
         candidate = next(search.candidates, None)
         if candidate is None:
             self.cancel()
-            count = len(search.refusals)
-            tried = f"{count} solutions were tried; the last: " if count > 1 else ""
+            several = f"{search.refused} solutions were tried; the last: "
+            tried = several if search.refused > 1 else ""
             return Refused(problem.cause, f"{tried}{problem}")
         search.candidate, search.request_id = candidate, self.next_id()
         self.ask(search, t)

@@ -115,10 +115,7 @@ class MotionPlayer:
         return self.clock.time_at(t) - self.trajectory.duration
 
     def advance(self, dt: float, scale: float) -> Vector:
-        """Move the clock on by dt [s], its rate approaching scale; return the joints, shape (n,).
-
-        scale: 0 (stand) to 1. The rate changes so that the joints keep their acceleration limits.
-        """
+        """Move the clock on by dt [s], its rate approaching a scale of 0 to 1; return joints."""
         wanted = 1.0 if self.ignores_scale else min(max(scale, 0.0), 1.0)
         self.clock.advance(dt, wanted, self.trajectory)
         self._known = None, {}

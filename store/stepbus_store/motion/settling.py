@@ -25,17 +25,13 @@ class SettleWatch:
         self._target = trajectory.at(trajectory.duration).position
         shift = self._target - trajectory.at(0.0).position
         self._moved = np.flatnonzero(shift) if shift.any() else np.arange(len(shift))
-        self._ended_at: float | None = None
         self._steps = 0
 
-    def check(self, q: Vector, v: Vector, t: float, late: float) -> Outcome | None:
+    def check(self, q: Vector, v: Vector, late: float) -> Outcome | None:
         """Return how the motion ended, once it has.
 
-        q, v: measured, shape (n,) [rad, rad/s], at a time t [s]. late: time since the end of the
-        motion, for the first call [s].
+        q, v: measured, shape (n,) [rad, rad/s]. late: time since the end of the motion [s].
         """
-        self._ended_at = t - late if self._ended_at is None else self._ended_at
-        late = t - self._ended_at
         settling, error = self._settling, (self._target - q)[self._moved]
         is_there = float(np.abs(error).max()) <= settling.settle_position
         is_still = float(np.abs(v[self._moved]).max()) <= settling.settle_velocity

@@ -133,11 +133,11 @@ class SpiralPlanner:
         numbers = (*wanted.centre, *wanted.radius, wanted.turns, wanted.rise)
         is_small = all(abs(number) <= FARTHEST for number in numbers)
         if not (is_small and min(wanted.radius) > 0 and 0 < abs(wanted.turns) <= _MOST_TURNS):
-            raise Refused(
-                Cause.INVALID,
-                f"radius {wanted.radius}, turns {wanted.turns:g} and rise {wanted.rise:g} make no "
-                f"spiral: radii above 0 and up to {_MOST_TURNS} turns, other than 0, are needed",
+            text = (
+                f"radius {wanted.radius}, turns {wanted.turns:g} and rise {wanted.rise:g} make no"
             )
+            needs = f"radii above 0 and up to {_MOST_TURNS} turns, other than 0, are needed"
+            raise Refused(Cause.INVALID, f"{text} spiral: {needs}")
         centre = frame.act(np.array(wanted.centre))
         beside = self._robot.frame_pose(q, goal.tip).translation - centre
         # From the side where the tip is; right above the centre any side is as good.

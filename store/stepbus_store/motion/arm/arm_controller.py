@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-from stepbus_kinematics import SelfCollisions
 from stepbus_participant import Config, Ports, Step, installed_version
 from stepbus_schemas import Description, Goal, JointState, Message
 from stepbus_store.memory import Remembering
@@ -10,7 +9,7 @@ from stepbus_store.motion.arm.params import Params
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.joint_motion import ManipulatorOptions
 from stepbus_store.motion.manipulator import Manipulator
-from stepbus_store.motion.manipulator_setup import make_limits, make_robot
+from stepbus_store.motion.manipulator_setup import make_collisions, make_limits, make_robot
 from stepbus_store.motion.outcome import JointSensor, Measured
 from stepbus_store.motion.parts import Parts
 
@@ -38,11 +37,8 @@ class ArmController(Remembering):
         params = self._params = config.read(Params, ports.problems)
         problems = config.problems().below(("params",))
         self._robot = make_robot(params, problems)
-        self._collisions, srdf, margin = None, params.srdf, params.collision_margin
-        if srdf is not None:
-            self._collisions = problems.attempt(
-                ("srdf",), lambda: SelfCollisions(self._robot, srdf, margin)
-            )
+        srdf, margin = params.srdf, params.collision_margin
+        self._collisions = make_collisions(self._robot, srdf, margin, problems)
         problems.refuse()
         self._now: Measured | None = None
         self._goal_id = -1

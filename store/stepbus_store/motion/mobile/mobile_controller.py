@@ -9,7 +9,7 @@ from functools import partial
 
 import msgspec
 
-from stepbus_kinematics import RobotModel, SelfCollisions
+from stepbus_kinematics import RobotModel
 from stepbus_participant import Config, Ports, Problems, Step, installed_version, suggest
 from stepbus_schemas import (
     BaseState,
@@ -32,7 +32,7 @@ from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
 from stepbus_store.motion.joint_motion import ManipulatorOptions
 from stepbus_store.motion.manipulator import Manipulator
-from stepbus_store.motion.manipulator_setup import make_limits, make_robot
+from stepbus_store.motion.manipulator_setup import make_collisions, make_limits, make_robot
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.navigator import Navigator
@@ -94,12 +94,8 @@ class MobileController(Remembering):
         problems = config.problems().below(("params",))
         self.robot = robot = make_robot(params, problems, params.posture)
         self._monitor = _monitor(params, robot, problems)
-        self._collisions: SelfCollisions | None = None
         srdf, margin = params.srdf, params.collision_margin
-        if srdf is not None:
-            self._collisions = problems.attempt(
-                ("srdf",), lambda: SelfCollisions(robot, srdf, margin)
-            )
+        self._collisions = make_collisions(robot, srdf, margin, problems)
         problems.refuse()
         self._period = config.every * config.step_ns * 1e-9
         self._is_held = False

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.services.manipulator import JOINTS, STANDING, Stage, make_limits, pose_goal
+from support.services.manipulator import JOINTS, Stage, make_limits, pose_goal
 from support.store_paths import SCENARIOS
 
 from stepbus_kinematics import RobotModel, SelfCollisions, collision_geometry
@@ -16,7 +16,7 @@ from stepbus_store.motion.candidates import CandidateFinder
 from stepbus_store.motion.joint_motion import JointMotion, ManipulatorOptions, motion_to
 from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.manipulator import Manipulator
-from stepbus_store.motion.outcome import Refused
+from stepbus_store.motion.outcome import Measured, Refused
 from stepbus_store.motion.player import MotionPlayer, stop_on_path
 
 STORE = SCENARIOS / "store"
@@ -61,7 +61,7 @@ def spiral(x, radius):
 def candidates(robot, collisions, goal):
     options = ManipulatorOptions(period=0.008, tip="grasp")
     solver = BranchSolver(robot, effort_share=options.effort_share, seed=0, collisions=collisions)
-    return CandidateFinder(solver, options).candidates(goal, READY, READY, STANDING)
+    return CandidateFinder(solver, options).candidates(goal, READY, Measured(q=READY, v=0 * READY))
 
 
 def touches(robot, candidate):
