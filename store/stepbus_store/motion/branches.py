@@ -41,18 +41,32 @@ class AnalyticChain:
         self._robot = robot
         self._tip = robot.frame_id(tip)
         self._solver: Any = None
-        model = robot.model
+        model, data = robot.model, robot.data
         # The joints that move the tip, starting at the base.
         names = sorted((robot.joints[n] for n in robot.chain(tip)), key=model.getJointId)
         ids = [model.getJointId(name) for name in names]
         types = [model.joints[number].shortname() for number in ids]
-        if len(types) == 6 and all(name.startswith("JointModelR") for name in types):
-            self._order = np.array([robot.joints.index(name) for name in names], dtype=np.intp)
-            self._set_up(ids)
+        if len(types) != 6 or not all(name.startswith("JointModelR") for name in types):
+            return
+        # Give eaik the axes and their positions, with all joints at 0, in the base's axes.
+        self._order = np.array([robot.joints.index(name) for name in names], dtype=np.intp)
+        pin.computeJointJacobians(model, data, robot.in_model(np.zeros(len(robot.joints))))
+        pin.updateFramePlacements(model, data)
+        axes = []
+        for number in ids:
+            matrix = pin.getJointJacobian(model, data, number, pin.ReferenceFrame.WORLD)
+            axes.append(matrix[3:, model.idx_vs[number]])
+        origins = np.array([data.oMi[number].translation for number in ids])
+        offsets = np.diff(origins, axis=0, prepend=np.zeros((1, 3)))
+        self._turned_at_zero = data.oMi[ids[-1]].rotation.copy()
+        self._tip_in_last = data.oMi[ids[-1]].inverse() * data.oMf[self._tip]
+        solver = HPRobot(np.array(axes), np.vstack([offsets, np.zeros(3)]))
+        if solver.hasKnownDecomposition():
+            self._solver = solver
 
     @property
     def solves(self) -> bool:
-        """Return whether such joints move the tip and their geometry can be decomposed."""
+        """Return whether six revolute joints move the tip, and their geometry is one it solves."""
         return self._solver is not None
 
     def branches(self, target: Any, q: Vector) -> list[Vector]:
@@ -74,24 +88,6 @@ class AnalyticChain:
             if is_new and self._reaches(branch, target):
                 branches.append(branch)
         return branches
-
-    def _set_up(self, ids: Sequence[int]) -> None:
-        """Give eaik the axes and their positions, with all joints at 0, in the base's axes."""
-        robot, model, data = self._robot, self._robot.model, self._robot.data
-        zero = robot.in_model(np.zeros(len(robot.joints)))
-        pin.computeJointJacobians(model, data, zero)
-        pin.updateFramePlacements(model, data)
-        axes = []
-        for number in ids:
-            matrix = pin.getJointJacobian(model, data, number, pin.ReferenceFrame.WORLD)
-            axes.append(matrix[3:, model.idx_vs[number]])
-        origins = np.array([data.oMi[number].translation for number in ids])
-        offsets = np.diff(origins, axis=0, prepend=np.zeros((1, 3)))
-        self._turned_at_zero = data.oMi[ids[-1]].rotation.copy()
-        self._tip_in_last = data.oMi[ids[-1]].inverse() * data.oMf[self._tip]
-        solver = HPRobot(np.array(axes), np.vstack([offsets, np.zeros(3)]))
-        if solver.hasKnownDecomposition():
-            self._solver = solver
 
     def _reaches(self, q: Vector, target: Any) -> bool:
         model, data = self._robot.model, self._robot.data

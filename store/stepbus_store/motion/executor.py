@@ -48,8 +48,8 @@ class GoalExecutor:
         # A goal that ends with that of the base, which backs off.
         self._stopped_beside: ActiveGoal | None = None
         self._returning: BackToRest | None = None
-        self._interrupted = ""
-        self._lost_planner = ""
+        self._interrupted = self._lost_planner = ""
+        self._goal_id = -1
 
     def hold(self, now: Measured) -> None:
         """Stand still."""
@@ -79,8 +79,11 @@ class GoalExecutor:
 
     # A goal begins
 
-    def start(self, goal: Goal, t: float) -> None:
-        """Start a goal at a time [s]; its status reports what is wrong with it."""
+    def start(self, goal: Goal | None, t: float) -> None:
+        """Start a goal with a new id at a time [s]; its status reports what is wrong with it."""
+        if goal is None or goal.id == self._goal_id:
+            return
+        self._goal_id = goal.id
         if self._interrupted:
             self.reports.status(goal.id, "failed", Cause.EMERGENCY_STOP, self._interrupted)
             return

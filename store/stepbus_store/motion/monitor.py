@@ -196,7 +196,7 @@ class CollisionMonitor:
     ) -> Watch:
         """Check the contacts of a step, dt [s] after the last.
 
-        holding: the pads hold something. base_speed: of the fastest point that it moves [m/s].
+        holding: the pads hold a thing. base_speed: of the fastest point that the base moves [m/s].
         """
         self._learn_ground(contacts)
         self._follow_base(contacts, dt)
@@ -342,8 +342,8 @@ class CollisionMonitor:
 
     def _follow_base(self, contacts: Contacts, dt: float) -> None:
         """Record where the base is, and its velocity, by the points on which its wheels stand."""
-        columns = contacts.pairs, contacts.position, contacts.distance
-        before, rows = self._feet, zip(*columns, strict=True)
+        before = self._feet
+        rows = zip(contacts.pairs, contacts.position, contacts.distance, strict=True)
         self._feet = {
             pair: at for pair, at, gap in rows if gap < _GROUND_WITHIN and self._is_foot(pair)
         }

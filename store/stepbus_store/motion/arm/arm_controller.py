@@ -41,7 +41,6 @@ class ArmController(Remembering):
         self._collisions = make_collisions(self._robot, srdf, margin, problems)
         problems.refuse()
         self._now: Measured | None = None
-        self._goal_id = -1
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the commands."""
@@ -80,10 +79,7 @@ class ArmController(Remembering):
             self._executor.check(now, step.t, self._period)
         if self._now is None:
             return {}
-        goal = step.get(self._goal_port, Goal)
-        if goal is not None and goal.id != self._goal_id:
-            self._goal_id = goal.id
-            self._executor.start(goal, step.t)
+        self._executor.start(step.get(self._goal_port, Goal), step.t)
         target = self._manipulator.at(step.t)
         messages: dict[str, Message] = {self._command_port: target.command()}
         status = self._executor.reports.next_status()

@@ -99,7 +99,6 @@ class MobileController(Remembering):
         problems.refuse()
         self._period = config.every * config.step_ns * 1e-9
         self._is_held = False
-        self._goal_id = -1
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of commands and plans."""
@@ -171,10 +170,7 @@ class MobileController(Remembering):
         elif not is_first:
             self._executor.check(now, step.t, self._period)
         self._take_plan(step)
-        goal = step.get(self._ports.goal, Goal)
-        if goal is not None and goal.id != self._goal_id:
-            self._goal_id = goal.id
-            self._executor.start(goal, step.t)
+        self._executor.start(step.get(self._ports.goal, Goal), step.t)
         return self._messages(step, now, is_stopped=is_stopped)
 
     def _sense(self, step: Step) -> Measured | None:
