@@ -1,6 +1,6 @@
 """Reactions to collisions, and to obstacles that come into the path."""
 
-import math
+from dataclasses import replace
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Goal, RunError
@@ -10,7 +10,7 @@ from stepbus_store.motion.navigator import REPLANS
 from stepbus_store.motion.outcome import Measured, Outcome, Reports
 from stepbus_store.motion.parts import MOVES, Part, Parts
 from stepbus_store.motion.retreat import ArmRetreat, BaseBackOff
-from stepbus_store.motion.sensed import Approach, Collision, SensedThings, Unexpected, Watch
+from stepbus_store.motion.sensed import Approach, Collision, SensedThings, Watch
 
 _REACH = 0.5
 """Of the robot from the axis about which its base turns [m]."""
@@ -36,20 +36,14 @@ _ROOM = 0.02
 class Avoidance:
     """Watches a goal for collisions: slows the robot down, stops it, backs it off, replans.
 
-    monitor: None: nothing senses contacts. In each step: `scale`, then `react` where a goal is
-    under way.
+    monitor: None: nothing senses contacts. Call `scale` in each step first.
     """
 
-    def __init__(
-        self,
-        parts: Parts,
-        reports: Reports,
-        monitor: CollisionMonitor | None,
-    ) -> None:
+    def __init__(self, parts: Parts, reports: Reports, monitor: CollisionMonitor | None) -> None:
         self._parts = parts
         self._reports = reports
         self._monitor = monitor
-        self._watch: Watch | None = None
+        self._watch = Watch()
         self._touched: tuple[str, str] | None = None
         self._is_slow = False
         self._base_back_off: BaseBackOff | None = None
@@ -73,79 +67,66 @@ class Avoidance:
         self.join(goal, part)
 
     def join(self, goal: Goal, part: Part, driving: Goal | None = None) -> None:
-        """Watch a goal in the place of another one, or beside that of the base.
-
-        What has happened to the base is not forgotten.
-        """
+        """Watch a goal in place of another, or beside the base's; what happened to it counts on."""
         self._retreat, self._replans = None, 0
         self._is_beside = driving is not None
         self._monitor_goal(goal, part, driving)
 
     def _monitor_goal(self, goal: Goal, part: Part, driving: Goal | None = None) -> None:
         if self._monitor is not None:
-            touches = [*goal.touches, *(driving.touches if driving is not None else ())]
-            moves = "all" if driving is not None else MOVES[part]
+            touches = goal.touches if driving is None else [*goal.touches, *driving.touches]
+            moves = MOVES[part] if driving is None else "all"
             self._monitor.start(touches, grips=goal.type == "grip", moves=moves)
 
     def scale(self, now: Measured, dt: float, *, has_goal: bool) -> float | None:
-        """Return the share of its full speed for the robot; None: nothing is monitored.
-
-        dt: time since the step before [s].
-        """
+        """Return the robot's share of its full speed, dt [s] after the last; None: unmonitored."""
         if self._monitor is None or now.contacts is None:
-            self._watch = None
+            self._watch = Watch()
             return None
-        holding = now.gripper is not None and now.gripper.holding
         watch = self._watch = self._monitor.update(
             now.contacts,
-            holding=holding,
+            holding=now.gripper.holding,
             dt=dt,
             speed_of=self._parts.arm.link_speeds(),
             base_speed=abs(now.base.vx) + _REACH * abs(now.base.wz),
         )
         if watch.near is not None and not self._is_slow and has_goal:
-            self._reports.warn(f"{_gap(watch)}: slower")
+            ours, other = watch.near
+            self._reports.warn(f"{ours} is {watch.gap * 1e3:.0f} mm from {other}: slower")
         self._is_slow = watch.near is not None
         self._q = now.q
-        self._sensed.update(watch.unexpected, is_moving=self._parts.arm.is_moving)
+        self._sensed.update(watch, is_moving=self._parts.arm.is_moving)
         self._monitor.wary = self._sensed.known
         return watch.scale
 
     @property
     def room(self) -> float:
-        """Return how far the base may go until it must not be any closer to something [m].
-
-        What contacts do not report may be just beyond their range.
-        """
-        if self._watch is None or self._monitor is None:
-            return math.inf
-        reach = self._monitor.range
-        room = min(self._watch.room, reach)
-        if not self._is_beside or room >= reach:
+        """Return how far the base may go until it must not be any closer to something [m]."""
+        room = self._watch.room
+        if not self._is_beside or self._monitor is None or room >= self._monitor.range:
             return room
         # Each of both may use up one half, the arm that of the gap from which on it slows down.
         return max(room / 2, room - self._monitor.slow_within / 2)
 
     def new_collision(self) -> Collision | None:
         """Return a collision when it starts; each pair of links once for each goal."""
-        collision = self._watch.collision if self._watch is not None else None
-        pair = collision.pair if collision is not None else None
-        is_old, self._touched = pair == self._touched, pair
-        return None if is_old else collision
+        collision, before = self._watch.collision, self._touched
+        self._touched = None if collision is None else collision.pair
+        return None if self._touched == before else collision
 
     def collide(self, goal: Goal, part: Part, collision: Collision, t: float) -> Outcome | None:
         """Stop, and back off along the path so far; return the end of a goal that cannot."""
-        text = f"{collision}; stopped"
-        if part == "base" and self._parts.base is not None and self._monitor is not None:
+        base, monitor = self._parts.base, self._monitor
+        if part == "base" and base is not None and monitor is not None:
             # To drive away from itself does not help.
-            own = self._monitor.is_ours(collision.other)
-            distance = 0.0 if own else _BACK_OFF
+            distance = 0.0 if monitor.is_ours(collision.other) else _BACK_OFF
             self._base_back_off = BaseBackOff(
-                self._parts.base, self._monitor, goal, collision, distance
+                base=base, monitor=monitor, goal=goal, collision=collision, distance=distance
             )
             return None
         if part == "gripper":
             self._parts.rest(part, t)
+            text = f"{collision}; stopped"
             return Outcome(state="failed", cause=Cause.COLLISION, text=text)
         may_replan = part == "arm" and self._parts.arm.follows_plan and self._replans < REPLANS
         length = self._parts.back_off_arm(t, _BACK_OFF)
@@ -190,8 +171,8 @@ class Avoidance:
         self, retreat: ArmRetreat, goal: Goal, part: Part, end: Outcome, t: float
     ) -> Outcome | None:
         """Go back, ask for another path, or return the end of the goal; end: of the motion."""
-        gaps = (near.gap for near, _ in self._unexpected if near.other == retreat.left.other)
-        is_close = min(gaps, default=math.inf) < _ROOM
+        left = retreat.left.other
+        is_close = any(near.gap < _ROOM for near, _ in self._watch.unexpected if near.other == left)
         if retreat.length is None and end.state == "succeeded" and is_close:
             retreat.length = self._parts.back_off_arm(t, _BACK_OFF)
             return None
@@ -212,11 +193,11 @@ class Avoidance:
             retreat.is_apart = force == 0.0 and (gap is None or gap > _APART)
         if collision is not None and (retreat.is_apart or collision.pair != left):
             return str(collision)
-        near, room = self._nearest
-        if near is None or (near.pair == left and not retreat.is_apart):
+        if not self._watch.unexpected:
             return ""
+        near, room = self._watch.unexpected[0]
         comes = near.gap - room > _COMES and room < _STOP_WITHIN
-        return str(near) if comes else ""
+        return str(near) if comes and (near.pair != left or retreat.is_apart) else ""
 
     def approach(self, goal: Goal, part: Part, t: float) -> Outcome | None:
         """Stop a base for what is in its way, or too close; return the end of its goal."""
@@ -225,8 +206,7 @@ class Avoidance:
             return None
         if navigator is not None and navigator.hindrance and self._near is None:
             if gives_way := navigator.give_way(t):
-                self._reports.status(goal.id, "running", text=gives_way)
-                self._reports.warn(gives_way)
+                self._reports.go_on(goal.id, gives_way)
             return None
         if self._near is None:
             self._near = monitor.approach() if base.is_moving else None
@@ -236,26 +216,25 @@ class Avoidance:
         if base.is_halting:
             return None
         near, self._near = self._near, None
-        text = f"{monitor.measured(near)}; stopped before it touches"
+        _, gap = monitor.touch(near.pair)
+        near = near if gap is None else replace(near, gap=gap)
+        text = f"{near}; stopped before it touches"
         # A route is for a base whose arm is drawn in.
         may_replan = navigator is not None and monitor.is_base(near.ours)
         if navigator is not None and may_replan and (asked := navigator.replan(text)):
-            self._reports.status(goal.id, "running", text=asked)
-            self._reports.warn(asked)
+            self._reports.go_on(goal.id, asked)
             return None
         return Outcome(state="failed", cause=Cause.BLOCKED, text=text)
 
     def hindrance(self, part: Part) -> str:
         """Return a sentence about what hinders an arm on a path; empty: nothing."""
-        arm = self._parts.arm
         if part != "arm":
             return ""
         # How close its own links come on a path, the planner has checked.
-        self._hindrance = None
-        if arm.blocked:
-            return arm.blocked
-        self._hindrance = self._sensed.hindrance(self._unexpected, on_plan=arm.follows_plan)
-        return "" if self._hindrance is None else str(self._hindrance)
+        arm, self._hindrance = self._parts.arm, None
+        if not arm.blocked:
+            self._hindrance = self._sensed.hindrance(self._watch, on_plan=arm.follows_plan)
+        return str(self._hindrance or arm.blocked)
 
     def remember(self) -> bool:
         """Remember where what is sensed hinders the arm; return whether it has done so before."""
@@ -265,18 +244,9 @@ class Avoidance:
         return self._sensed.remember(near, self._parts.arm.links.position(near.ours, self._q))
 
     @property
-    def _unexpected(self) -> Unexpected:
-        return self._watch.unexpected if self._watch is not None else ()
-
-    @property
-    def _nearest(self) -> tuple[Approach | None, float]:
-        """Return the most urgent approach, and the gap that the hardest stop would leave [m]."""
-        return self._unexpected[0] if self._unexpected else (None, math.inf)
-
-    @property
     def is_urgent(self) -> bool:
         """Return whether the arm hits something unless it stops harder than the gripper holds."""
-        return self._nearest[1] < 0.0
+        return any(left < 0.0 for _, left in self._watch.unexpected)
 
     def hurry(self, t: float) -> None:
         """Stop harder than the gripper holds, where the stop under way turns out too weak."""
@@ -296,9 +266,8 @@ class Avoidance:
             return self._give_up(part, f"{why}; stopped; another path leads there again", t)
         if self._hindrance is None:
             return self.replan(goal, part, why, t)
-        self._retreat = ArmRetreat(
-            left=self._hindrance, why=why, cause=Cause.NO_PATH, may_replan=True
-        )
+        left = self._hindrance
+        self._retreat = ArmRetreat(left=left, why=why, cause=Cause.NO_PATH, may_replan=True)
         self._parts.arm.stop(t, touches=self.is_urgent, keeps_route=True)
         self._reports.warn(f"{why}; stops")
         return None
@@ -315,15 +284,9 @@ class Avoidance:
             return self._give_up(part, f"{stopped}; {exc}", t)
         self._monitor_goal(goal, part)
         text = f"{stopped}, asked for another path ({self._replans} of {REPLANS})"
-        self._reports.status(goal.id, "running", text=text)
-        self._reports.warn(text)
+        self._reports.go_on(goal.id, text)
         return None
 
     def _give_up(self, part: Part, text: str, t: float, cause: Cause = Cause.NO_PATH) -> Outcome:
         self._parts.rest(part, t, touches=self.is_urgent)
         return Outcome(state="failed", cause=cause, text=text)
-
-
-def _gap(watch: Watch) -> str:
-    ours, other = watch.near or ("", "")
-    return f"{ours} is {watch.gap * 1e3:.0f} mm from {other}"

@@ -1,9 +1,7 @@
 """How the arm must be stowed before the base moves."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 from msgspec.structs import replace
 
@@ -11,51 +9,33 @@ from stepbus_kinematics import RobotModel, Vector
 from stepbus_schemas import Goal, RunError
 from stepbus_store.cause import Cause
 from stepbus_store.motion.manipulator import Manipulator
+from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
 
 
-@dataclass(frozen=True, kw_only=True)
-class StowCondition:
-    """How the arm must be stowed before the base moves.
-
-    frame: of the gripper. height: above the floor, at most [m]. reach: from the origin of the
-    base, at most [m].
-    """
-
-    robot: RobotModel
-    frame: str
-    height: float
-    reach: float
-
-    def check(self, q: Vector) -> None:
-        """Raise Refused where the frame is too high or too far out at q, shape (n,) [rad]."""
-        position = self.robot.frame_pose(q, self.frame).translation
-        if position[2] > self.height:
-            raise Refused(
-                Cause.TOO_HIGH,
-                f"{self.frame} is {position[2]:.3f} m above the floor; the base moves only below "
-                f"{self.height:g} m",
-            )
-        reach = math.hypot(position[0], position[1])
-        if reach > self.reach:
-            raise Refused(
-                Cause.TOO_FAR,
-                f"{self.frame} reaches {reach:.3f} m out from the base, which moves only below "
-                f"{self.reach:g} m",
-            )
+def check_stowed(robot: RobotModel, params: Params, q: Vector) -> None:
+    """Raise Refused where the tip is too high or too far out for the base; q: shape (n,) [rad]."""
+    x, y, z = robot.frame_pose(q, params.tip).translation
+    if z > params.safe_height:
+        text = f"{params.tip} is {z:.3f} m above the floor; the base moves only below"
+        raise Refused(Cause.TOO_HIGH, f"{text} {params.safe_height:g} m")
+    reach = math.hypot(x, y)
+    if reach > params.safe_reach:
+        text = f"{params.tip} reaches {reach:.3f} m out from the base, which moves only below"
+        raise Refused(Cause.TOO_FAR, f"{text} {params.safe_reach:g} m")
 
 
 _BACK = 0.1
 """How far the arm goes back along the path it came [m]."""
 
-_UP = (0.05, 0.15)
-"""How far it rises [m]."""
-
-_IN = 0.1
-"""How far it draws its tip in towards the base [m]."""
-
-_Escape = tuple[str, Callable[[Measured, float], object]]
-"""What an escape is called, and what starts it."""
+_ESCAPES = (
+    ("back", None),
+    ("0.05 m up", (0.0, 0.05)),
+    ("0.15 m up", (0.0, 0.15)),
+    ("0.1 m in", (0.1, 0.05)),
+)
+"""What an escape is called; how far it draws the tip in towards the base, and up [m]; None: it goes
+back along the path it came."""
 
 
 @dataclass(kw_only=True)
@@ -69,13 +49,10 @@ class BackToRest:
     goal: Goal
     held: str
     arm: Manipulator
-    escapes: list[_Escape] = field(init=False)
+    tried: int = 0
     done: list[str] = field(default_factory=list)
     is_freeing: bool = False
     problem: str = ""
-
-    def __post_init__(self) -> None:
-        self.escapes = self._escapes()
 
     def start(self, now: Measured, t: float) -> str:
         """Start the path to where the arm rests, or to free it; raises Refused."""
@@ -110,14 +87,17 @@ class BackToRest:
     def _plan(self, now: Measured, t: float) -> str:
         self.is_freeing = False
         goal = replace(self.goal, type="move_joints" if self.goal.joints else "move_to_pose")
-        return self.arm.start(goal, now.q, now.base, t, held=self.held)
+        return self.arm.start(goal, now, t, held=self.held)
 
     def _free(self, now: Measured, t: float) -> bool:
         """Start the next motion that frees the arm; return False where none is left."""
-        while self.escapes:
-            name, start = self.escapes.pop(0)
+        for name, line in _ESCAPES[self.tried :]:
+            self.tried += 1
             try:
-                start(now, t)
+                if line is None:
+                    self.arm.back_off(t, _BACK)
+                else:
+                    self._line(now, t, *line)
             except RunError:
                 continue
             self.done.append(name)
@@ -125,18 +105,9 @@ class BackToRest:
             return True
         return False
 
-    def _escapes(self) -> list[_Escape]:
-        ups = [(f"{up:g} m up", partial(self._line, inwards=0.0, up=up)) for up in _UP]
-        inwards = f"{_IN:g} m in", partial(self._line, inwards=_IN, up=_UP[0])
-        return [("back", self._back), *ups, inwards]
-
-    def _back(self, _: Measured, t: float) -> None:
-        self.arm.back_off(t, _BACK)
-
-    def _line(self, now: Measured, t: float, *, inwards: float, up: float) -> None:
+    def _line(self, now: Measured, t: float, inwards: float, up: float) -> None:
         """Start a straight line of the tip: towards the base, and up [m]."""
-        position, turn = self.arm.links.tip_pose(now.q)
-        x, y, z = position
+        (x, y, z), turn = self.arm.links.tip_pose(now.q)
         away = max((x * x + y * y) ** 0.5, 1e-9)
         share = max(1.0 - inwards / away, 0.0)
         goal = replace(
@@ -149,4 +120,4 @@ class BackToRest:
             position=(x * share, y * share, z + up),
             orientation=turn,
         )
-        self.arm.start(goal, now.q, now.base, t, held=self.held)
+        self.arm.start(goal, now, t, held=self.held)

@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,11 @@ from eaik.IK_HP import HPRobot
 from stepbus_kinematics import Indices, Overload, RobotModel, SelfCollisions, Vector
 from stepbus_schemas import RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.ik_search import SINGULAR_BELOW, InverseKinematics
+from stepbus_store.motion.ik_search import (
+    SINGULAR_BELOW,
+    InverseKinematics,
+    smallest_singular_value,
+)
 from stepbus_store.motion.outcome import Refused
 
 TURN = 2 * math.pi
@@ -29,56 +34,23 @@ class AnalyticChain:
 
     Ostermeier, Külz, Althoff: Automatic Geometric Decomposition for Analytical Inverse Kinematics,
     IEEE RA-L, 2025. tip: frame fixed to the last of them. Raises RunError for an unknown frame.
-    solves: whether the tip is moved by such joints and their geometry can be decomposed.
     """
 
     def __init__(self, robot: RobotModel, tip: str) -> None:
         self.made_from = robot, tip
         self._robot = robot
-        self._chain = robot.chain(tip)
         self._tip = robot.frame_id(tip)
         self._solver: Any = None
-        model = robot.model
-        types = [model.joints[model.getJointId(name)].shortname() for name in self._names()]
-        if len(types) == 6 and all(name.startswith("JointModelR") for name in types):
-            self._set_up()
-
-    @property
-    def solves(self) -> bool:
-        """Return whether there are analytic solutions."""
-        return self._solver is not None
-
-    def branches(self, target: Any, q: Vector) -> list[Vector]:
-        """Return all solutions for a pose of the tip, each of shape (n,) in [-π, π] [rad].
-
-        target: in the robot's base, a `pinocchio.SE3`. q: shape (n,) [rad]; joints that do not
-        move the tip stay there. Forward kinematics verified each; limits are not checked.
-        """
-        last = (target * self._tip_in_last.inverse()).homogeneous
-        # eaik counts the orientation from the one with all joints at 0.
-        last[:3, :3] = last[:3, :3] @ self._turned_at_zero.T
-        branches: list[Vector] = []
-        for row in self._solver.IK(last).Q:
-            branch = q.copy()
-            branch[self._order] = np.remainder(np.array(row) + math.pi, TURN) - math.pi
-            is_new = all(np.abs(_wrapped(branch - other)).max() > _SAME for other in branches)
-            if is_new and self._reaches(branch, target):
-                branches.append(branch)
-        return branches
-
-    def _names(self) -> list[str]:
-        """Return the joints that move the tip, starting at the base."""
-        model = self._robot.model
-        names = [self._robot.joints[index] for index in self._chain]
-        return sorted(names, key=model.getJointId)
-
-    def _set_up(self) -> None:
-        """Give eaik the axes and their positions, with all joints at 0, in the base's axes."""
-        robot, model, data = self._robot, self._robot.model, self._robot.data
-        ids = [model.getJointId(name) for name in self._names()]
-        self._order = np.array([robot.joints.index(name) for name in self._names()], dtype=np.intp)
-        zero = robot.in_model(np.zeros(len(robot.joints)))
-        pin.computeJointJacobians(model, data, zero)
+        model, data = robot.model, robot.data
+        # The joints that move the tip, starting at the base.
+        names = sorted((robot.joints[n] for n in robot.chain(tip)), key=model.getJointId)
+        ids = [model.getJointId(name) for name in names]
+        types = [model.joints[number].shortname() for number in ids]
+        if len(types) != 6 or not all(name.startswith("JointModelR") for name in types):
+            return
+        # Give eaik the axes and their positions, with all joints at 0, in the base's axes.
+        self._order = np.array([robot.joints.index(name) for name in names], dtype=np.intp)
+        pin.computeJointJacobians(model, data, robot.in_model(np.zeros(len(robot.joints))))
         pin.updateFramePlacements(model, data)
         axes = []
         for number in ids:
@@ -92,6 +64,31 @@ class AnalyticChain:
         if solver.hasKnownDecomposition():
             self._solver = solver
 
+    @property
+    def solves(self) -> bool:
+        """Return whether six revolute joints move the tip, and their geometry is one it solves."""
+        return self._solver is not None
+
+    def branches(self, target: Any, q: Vector) -> list[Vector]:
+        """Return all solutions for a pose of the tip, each of shape (n,) in [-π, π] [rad].
+
+        target: in the robot's base, a `pinocchio.SE3`. q: shape (n,) [rad]; joints that do not
+        move the tip stay there. Forward kinematics verified each; limits are not checked.
+        """
+        if self._solver is None:
+            return []
+        last = (target * self._tip_in_last.inverse()).homogeneous
+        # eaik counts the orientation from the one with all joints at 0.
+        last[:3, :3] = last[:3, :3] @ self._turned_at_zero.T
+        branches: list[Vector] = []
+        for row in self._solver.IK(last).Q:
+            branch = q.copy()
+            branch[self._order] = _wrapped(np.array(row))
+            is_new = all(np.abs(_wrapped(branch - other)).max() > _SAME for other in branches)
+            if is_new and self._reaches(branch, target):
+                branches.append(branch)
+        return branches
+
     def _reaches(self, q: Vector, target: Any) -> bool:
         model, data = self._robot.model, self._robot.data
         pin.framesForwardKinematics(model, data, self._robot.in_model(q))
@@ -101,15 +98,15 @@ class AnalyticChain:
 
 def _wrapped(angle: Vector) -> Vector:
     """Return angles in [-π, π] [rad]."""
-    wrapped: Vector = np.remainder(angle + math.pi, TURN) - math.pi
-    return wrapped
+    return np.asarray(np.remainder(angle + math.pi, TURN) - math.pi)
 
 
 class BranchSolver:
     """Finds the solutions for a pose of a frame, the nearest first.
 
-    Where a chain has no analytic solution, `search` finds one; seed, collisions: see there.
-    effort_share: of the effort limits that holding still may take.
+    Where a chain has no analytic solution, `search` finds one; seed: see there. effort_share: of
+    the effort limits that holding still may take. collisions: of the robot with itself, in that
+    search and on lines and spirals; None: not checked.
     """
 
     def __init__(
@@ -120,7 +117,7 @@ class BranchSolver:
         effort_share: float = 1.0,
         collisions: SelfCollisions | None = None,
     ) -> None:
-        self._robot = robot
+        self.robot, self.collisions = robot, collisions
         self._effort_share = effort_share
         # Weighted so, a distance is a time.
         self._weights = 1.0 / robot.velocity_limit
@@ -128,14 +125,11 @@ class BranchSolver:
         self._chains: dict[str, AnalyticChain] = {}
 
     def chain(self, tip: str) -> AnalyticChain:
-        """Return the analytic solver of a frame.
-
-        Raises RunError for an unknown frame, or one that no joint moves.
-        """
+        """Return the solver of a frame; raises RunError for an unknown one, or a fixed one."""
         if tip not in self._chains:
-            if not self._robot.chain(tip).size:
+            if not self.robot.chain(tip).size:
                 raise RunError(f"no joint of this controller moves tip {tip!r}")
-            self._chains[tip] = AnalyticChain(self._robot, tip)
+            self._chains[tip] = AnalyticChain(self.robot, tip)
         return self._chains[tip]
 
     def solve(self, tip: str, target: Any, q: Vector) -> list[Vector]:
@@ -145,7 +139,7 @@ class BranchSolver:
         robot's base, a `pinocchio.SE3`. Raises Refused with cause unreachable, limits, singular or
         not_holdable, and numbers; RunError for an unknown frame.
         """
-        branches = self._branches(tip, target, q)
+        branches = self.chain(tip).branches(target, q)
         if not branches:
             solution = self.search.solve(tip, target, q)
             if solution.verdict != "reached":
@@ -154,29 +148,27 @@ class BranchSolver:
         inside = [turns for branch in branches if (turns := self._turns(branch, q))]
         if not inside:
             raise Refused(Cause.LIMITS, self._limits_text(branches))
-        regular = [turns for turns in inside if self.smallest(tip, turns[0]) >= SINGULAR_BELOW]
-        if not regular:
-            best = max(self.smallest(tip, turns[0]) for turns in inside)
-            raise Refused(
-                Cause.SINGULAR,
-                f"singular: the best of {len(inside)} solutions has a smallest singular value of "
-                f"{best:.4f}; at least {SINGULAR_BELOW:.4f} is needed",
-            )
-        holdable = [turns for turns in regular if self.overload(tip, turns[0]) is None]
+        singular = [self.smallest(tip, turns[0]) for turns in inside]
+        if max(singular) < SINGULAR_BELOW:
+            text = f"singular: the best of {len(inside)} solutions has a smallest singular value of"
+            needs = f"{max(singular):.4f}; at least {SINGULAR_BELOW:.4f} is needed"
+            raise Refused(Cause.SINGULAR, f"{text} {needs}")
+        regular = list(itertools.compress(inside, (one >= SINGULAR_BELOW for one in singular)))
+        loads = [self.overload(tip, turns[0]) for turns in regular]
+        holdable = [turns for turns, load in zip(regular, loads, strict=True) if load is None]
         if not holdable:
-            loads = [
-                load for turns in regular if (load := self.overload(tip, turns[0])) is not None
-            ]
-            least = min(loads, key=lambda load: load.required - load.available)
+            known = (load for load in loads if load is not None)
+            least = min(known, key=lambda load: load.required - load.available)
             raise Refused(Cause.NOT_HOLDABLE, f"not holdable: {least}, even in the best solution")
-        nearest = sorted((turns[0] for turns in holdable), key=lambda one: self._distance(one, q))
+        away = partial(self._distance, q)
         turned = itertools.chain.from_iterable(turns[1:] for turns in holdable)
-        return nearest + sorted(turned, key=lambda one: self._distance(one, q))
+        return sorted((turns[0] for turns in holdable), key=away) + sorted(turned, key=away)
 
     def is_reachable(self, tip: str, target: Any, q: Vector) -> bool:
         """Return whether any solution is good, without asking why not."""
-        if self.chain(tip).solves:
-            return any(self._is_good(tip, branch) for branch in self._branches(tip, target, q))
+        chain = self.chain(tip)
+        if chain.solves:
+            return any(self._is_good(tip, branch) for branch in chain.branches(target, q))
         return self.search.solve(tip, target, q).verdict == "reached"
 
     def _is_good(self, tip: str, branch: Vector) -> bool:
@@ -186,13 +178,9 @@ class BranchSolver:
 
     def _spans(self, branch: Vector) -> tuple[Indices, Indices]:
         """Return the first and the last full turn of each joint that its limits allow."""
-        first = np.ceil((self._robot.lower - branch) / TURN).astype(np.intp)
-        last = np.floor((self._robot.upper - branch) / TURN).astype(np.intp)
+        first = np.ceil((self.robot.lower - branch) / TURN).astype(np.intp)
+        last = np.floor((self.robot.upper - branch) / TURN).astype(np.intp)
         return first, last
-
-    def _branches(self, tip: str, target: Any, q: Vector) -> list[Vector]:
-        chain = self.chain(tip)
-        return chain.branches(target, q) if chain.solves else []
 
     def _turns(self, branch: Vector, q: Vector) -> list[Vector]:
         """Return a branch with full turns of its joints within their limits, the nearest first."""
@@ -202,33 +190,28 @@ class BranchSolver:
         order = np.argsort(np.linalg.norm(self._weights * (turned - q), axis=1), kind="stable")
         return list(turned[order])
 
-    def _distance(self, solution: Vector, q: Vector) -> float:
+    def _distance(self, q: Vector, solution: Vector) -> float:
         return float(np.linalg.norm(self._weights * (solution - q)))
 
     def smallest(self, tip: str, q: Vector) -> float:
         """Return the smallest singular value of a frame's Jacobian at q, lengths in [m]."""
-        robot = self._robot
+        robot = self.robot
         _, jacobian = robot.jacobian(q, robot.frame_id(tip))
-        singular = np.linalg.svd(jacobian[:, robot.chain(tip)], compute_uv=False)
-        return float(singular.min())
+        return smallest_singular_value(jacobian[:, robot.chain(tip)])
 
     def overload(self, tip: str, q: Vector) -> Overload | None:
         """Return the joint that cannot hold the arm at q with its share of the effort limit."""
-        robot = self._robot
+        robot = self.robot
         return robot.overload(q, robot.chain(tip), self._effort_share)
 
     def _limits_text(self, branches: Sequence[Vector]) -> str:
-        robot = self._robot
-        branch = min(branches, key=lambda one: float(self._excess(one).max()))
-        worst = int(np.argmax(self._excess(branch)))
+        """Return a sentence on the joint for which the best branch fails; any full turn counts."""
+        robot, turns = self.robot, TURN * np.array([[-1.0], [0.0], [1.0]])
+        angles = [branch + turns for branch in branches]
+        beyond = [np.maximum(robot.lower - one, one - robot.upper).clip(0.0) for one in angles]
+        best = int(np.argmin([rows.min(axis=0).max() for rows in beyond]))
+        branch, worst = branches[best], int(np.argmax(beyond[best].min(axis=0)))
         return (
             f"out of limits: {robot.joints[worst]} would have to go to {branch[worst]:.3f} rad, "
             f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}]"
         )
-
-    def _excess(self, branch: Vector) -> Vector:
-        """Return by how much each joint is beyond its limits at best, shape (n,) [rad]."""
-        angles = branch + TURN * np.array([[-1.0], [0.0], [1.0]])
-        beyond = np.maximum(self._robot.lower - angles, angles - self._robot.upper)
-        least: Vector = np.maximum(beyond, 0.0).min(axis=0)
-        return least

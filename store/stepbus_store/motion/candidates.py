@@ -1,47 +1,37 @@
 """What a goal wants of the arm, in the robot's base, and the joint positions that would do it."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics import Indices, RobotModel, SelfCollisions, Vector
+from stepbus_kinematics import Indices, RobotModel, Vector
 from stepbus_participant import suggest
-from stepbus_schemas import BaseState, Goal, RunError
+from stepbus_schemas import Goal
 from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.follow import Candidate, JointPath, check_path, follow, line
 from stepbus_store.motion.ik_search import Solution
 from stepbus_store.motion.joint_motion import ManipulatorOptions
-from stepbus_store.motion.outcome import FARTHEST, Refused
+from stepbus_store.motion.outcome import FARTHEST, Measured, Refused
 from stepbus_store.motion.spiral import SpiralPlanner
 
-ODOMETRY = "odometry"
-"""Frame of a goal: the base's pose at the start."""
 
-
-def frame_in_base(robot: RobotModel, q: Vector, base: BaseState, frame: str) -> Any:
+def frame_in_base(robot: RobotModel, at: Measured, frame: str) -> Any:
     """Return the pose of a goal's frame in the robot's base, a `pinocchio.SE3`.
 
-    q: shape (n,) [rad]. frame: a link, `odometry`, or empty for the base. Raises Refused for an
-    unknown one.
+    frame: a link, `odometry`, or empty for the base. Raises RunError for an unknown one.
     """
-    if frame == ODOMETRY:
-        turn = pin.utils.rotate("z", base.yaw)
-        return pin.SE3(turn, np.array([base.x, base.y, 0.0])).inverse()
-    try:
-        return robot.frame_pose(q, frame)
-    except RunError as exc:
-        raise Refused(Cause.INVALID, str(exc)) from exc
+    if frame == "odometry":
+        turn = pin.utils.rotate("z", at.base.yaw)
+        return pin.SE3(turn, np.array([at.base.x, at.base.y, 0.0])).inverse()
+    return robot.frame_pose(at.q, frame)
 
 
 def target_pose(goal: Goal) -> Any:
-    """Return the pose that a goal wants in its own frame, a `pinocchio.SE3`.
-
-    Raises Refused for a goal without a valid pose.
-    """
+    """Return the pose that a goal wants in its frame, a `pinocchio.SE3`; raises Refused if none."""
     if goal.position is None or goal.orientation is None:
         raise Refused(Cause.INVALID, f"type {goal.type} needs position and orientation")
     length = math.hypot(*goal.orientation)
@@ -65,7 +55,11 @@ def target_joints(goal: Goal, robot: RobotModel, q: Vector) -> tuple[Vector, Ind
     if len(goal.joints) != len(goal.values) or not goal.joints:
         counts = f"{len(goal.values)} values for {len(goal.joints)} joints"
         raise Refused(Cause.INVALID, f"type move_joints has {counts}")
-    target, named = q.copy(), [_index(robot.joints, name) for name in goal.joints]
+    for name in goal.joints:
+        if name not in robot.joints:
+            text = f"joint {name!r} is unknown{suggest(name, robot.joints)}"
+            raise Refused(Cause.INVALID, text)
+    target, named = q.copy(), [robot.joints.index(name) for name in goal.joints]
     for name, index, value in zip(goal.joints, named, goal.values, strict=True):
         low, high = robot.lower[index], robot.upper[index]
         if not low <= value <= high:
@@ -73,12 +67,6 @@ def target_joints(goal: Goal, robot: RobotModel, q: Vector) -> tuple[Vector, Ind
             raise Refused(Cause.INVALID, f"{text}, its limits are [{low:g}, {high:g}]")
         target[index] = value
     return target, np.array(named, dtype=np.intp)
-
-
-def _index(joints: Sequence[str], name: str) -> int:
-    if name not in joints:
-        raise Refused(Cause.INVALID, f"joint {name!r} is unknown{suggest(name, joints)}")
-    return joints.index(name)
 
 
 _FARTHER = 1.5
@@ -99,56 +87,49 @@ def about_as_near(candidates: Iterator[Candidate], rest: Vector) -> Iterator[Can
 class CandidateFinder:
     """Turns goals of an arm into candidates, the nearest first; a planner or router checks them.
 
-    collisions: of the robot with itself on lines and spirals; None: not checked. tries_unholdable:
-    what the motors cannot hold is a candidate, too.
+    tries_unholdable: what the motors cannot hold is a candidate, too.
     """
 
     def __init__(
-        self,
-        robot: RobotModel,
-        solver: BranchSolver,
-        options: ManipulatorOptions,
-        collisions: SelfCollisions | None = None,
-        *,
-        tries_unholdable: bool = False,
+        self, solver: BranchSolver, options: ManipulatorOptions, *, tries_unholdable: bool = False
     ) -> None:
-        self.robot = robot
-        self._solver = solver
+        self._robot, self._solver = solver.robot, solver
         self._options = options
-        self._spirals = SpiralPlanner(robot, solver, options.turn_radius, collisions)
-        self._collisions = collisions
+        self._spirals = SpiralPlanner(solver, options.turn_radius)
         self._tries_unholdable = tries_unholdable
 
-    def candidates(
-        self, goal: Goal, rest: Vector, q: Vector, base: BaseState
-    ) -> Iterator[Candidate]:
-        """Return where to go from rest; q: measured, both of shape (n,) [rad].
+    def candidates(self, goal: Goal, rest: Vector, at: Measured) -> Iterator[Candidate]:
+        """Return where to go from rest, shape (n,) [rad]; at: measured.
 
         Raises Refused for a goal of another part, and where there is no candidate; RunError for an
         unknown frame.
         """
         if goal.type == "move_joints":
-            target, named = target_joints(goal, self.robot, rest)
+            target, named = target_joints(goal, self._robot, rest)
             yield self._accepted(self._solver.search.judge(target, named))
             return
         if goal.type not in {"move_to_pose", "spiral"}:
             raise Refused(Cause.INVALID, f"this arm has no goals of type {goal.type}")
-        self._check_tip(goal.tip)
-        frame = frame_in_base(self.robot, q, base, goal.frame)
+        chain = self._solver.chain(goal.tip)
+        frame = frame_in_base(self._robot, at, goal.frame)
         target_in_base = frame * target_pose(goal)
         if goal.type == "spiral":
             yield from self._spirals.solve(goal, frame, target_in_base, rest)
+        elif chain.solves:
+            solutions = self._solver.solve(goal.tip, target_in_base, rest)
+            for number, solution in enumerate(solutions, 1):
+                yield Candidate(target=solution, text=f"solution {number} of {len(solutions)}")
         else:
-            yield from self._at_pose(goal.tip, target_in_base, rest)
+            yield self._accepted(self._solver.search.solve(goal.tip, target_in_base, rest))
 
-    def line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> JointPath | None:
+    def line(self, goal: Goal, rest: Vector, at: Measured) -> JointPath | None:
         """Return the joints along a straight path of the tip; None: the tip is there already.
 
         Raises Refused where the joints cannot follow it.
         """
-        self._check_tip(goal.tip)
-        target = frame_in_base(self.robot, q, base, goal.frame) * target_pose(goal)
-        start = self.robot.frame_pose(rest, goal.tip)
+        self._solver.chain(goal.tip)
+        target = frame_in_base(self._robot, at, goal.frame) * target_pose(goal)
+        start = self._robot.frame_pose(rest, goal.tip)
         if not start.isApprox(target):
             # An end that is out of reach is refused with the numbers of how far it is, before a
             # path of very many poses is laid out to it.
@@ -156,21 +137,9 @@ class CandidateFinder:
         path = line(start, target, self._options.turn_radius)
         if not path:
             return None
-        joints = follow(self.robot, goal.tip, path, rest)
-        check_path(joints, self._collisions, leaves=True)
+        joints = follow(self._robot, goal.tip, path, rest)
+        check_path(joints, self._solver.collisions, leaves=True)
         return joints
-
-    def _check_tip(self, tip: str) -> None:
-        if not self.robot.chain(tip).size:
-            raise RunError(f"no joint of this controller moves tip {tip!r}")
-
-    def _at_pose(self, tip: str, target: Any, rest: Vector) -> Iterator[Candidate]:
-        if not self._solver.chain(tip).solves:
-            yield self._accepted(self._solver.search.solve(tip, target, rest))
-            return
-        solutions = self._solver.solve(tip, target, rest)
-        for number, q in enumerate(solutions, 1):
-            yield Candidate(target=q, text=f"solution {number} of {len(solutions)}")
 
     def _accepted(self, solution: Solution) -> Candidate:
         holds = solution.verdict == "reached"

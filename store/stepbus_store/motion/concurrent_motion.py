@@ -1,11 +1,9 @@
 """A goal of the arm while the base drives: when it is planned, and when it moves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from msgspec.structs import replace
-
-from stepbus_schemas import Goal, Point
+from stepbus_schemas import BaseState, Goal, Point
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.manipulator import Manipulator
 from stepbus_store.motion.navigator import Navigator
@@ -96,16 +94,16 @@ class ConcurrentMotion:
 
     def _alone(self, now: Measured, t: float) -> None:
         self.phase = "moves"
-        self.arm.start(self.goal, now.q, now.base, t, held=self.held)
+        self.arm.start(self.goal, now, t, held=self.held)
 
     def _ask(self, now: Measured, t: float) -> None:
-        state, bases = now.base, self._bases()
+        there, bases = now, self._bases()
         if self.arrives and self.goal.base is not None:
             x, y, yaw = self.goal.base
-            state = replace(state, x=x, y=y, yaw=yaw, vx=0.0, wz=0.0)
+            there = replace(now, base=BaseState(x=x, y=y, yaw=yaw, vx=0.0, wz=0.0))
         self.phase = "asked"
         try:
-            self.arm.start(self.goal, now.q, state, t, held=self.held, bases=bases)
+            self.arm.start(self.goal, there, t, held=self.held, bases=bases)
         except Refused:
             self.postpone(now, t)
 

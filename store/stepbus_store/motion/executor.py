@@ -9,7 +9,7 @@ from stepbus_store.motion.back_to_rest import BackToRest
 from stepbus_store.motion.concurrent_motion import ConcurrentMotion
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.outcome import Measured, Outcome, Refused, Reports, failure_of
-from stepbus_store.motion.parts import PART_OF, Part, Parts
+from stepbus_store.motion.parts import PART_OF, Ends, Part, Parts
 from stepbus_store.motion.sensed import Collision
 
 _LATE = 1.02
@@ -35,6 +35,8 @@ class GoalExecutor:
     new goal, then the commands of the parts, then what `reports` has to publish.
     """
 
+    _measured: Measured
+
     def __init__(self, parts: Parts, monitor: CollisionMonitor | None = None) -> None:
         self.reports = Reports()
         self._parts = parts
@@ -46,9 +48,8 @@ class GoalExecutor:
         # A goal that ends with that of the base, which backs off.
         self._stopped_beside: ActiveGoal | None = None
         self._returning: BackToRest | None = None
-        self._measured: Measured | None = None
-        self._interrupted = ""
-        self._lost_planner = ""
+        self._interrupted = self._lost_planner = ""
+        self._goal_id = -1
 
     def hold(self, now: Measured) -> None:
         """Stand still."""
@@ -56,10 +57,7 @@ class GoalExecutor:
         self._parts.hold(now)
 
     def interrupt(self, now: Measured, text: str, dt: float) -> None:
-        """Fail all goals, and stay where an emergency stop brings the robot; text: about it.
-
-        Call it instead of `check` in each step in which it is active.
-        """
+        """Instead of `check`, fail all goals, and stay where an emergency stop brings the robot."""
         self._measured, self._interrupted = now, text
         # What is held, and what is touched, is known afterwards.
         self._avoidance.scale(now, dt, has_goal=False)
@@ -77,19 +75,21 @@ class GoalExecutor:
         for _ in range(2):
             active = self._active
             if active is not None and active.part != "all":
-                self._parts.rest(active.part, t)
-                self._end(active, failure)
+                self._fail(active, failure, t)
 
     # A goal begins
 
-    def start(self, goal: Goal, t: float) -> None:
-        """Start a goal at a time [s]; its status reports what is wrong with it."""
+    def start(self, goal: Goal | None, t: float) -> None:
+        """Start a goal with a new id at a time [s]; its status reports what is wrong with it."""
+        if goal is None or goal.id == self._goal_id:
+            return
+        self._goal_id = goal.id
         if self._interrupted:
             self.reports.status(goal.id, "failed", Cause.EMERGENCY_STOP, self._interrupted)
             return
-        part = PART_OF[goal.type]
-        if goal.base is not None and self._takes_beside_base(part):
-            self._start_beside(goal, part, t)
+        part, driving = PART_OF[goal.type], self._driving or self._active
+        if goal.base is not None and driving is not None and self._takes_beside(driving, part):
+            self._start_beside(goal, part, driving, t)
             return
         before = (self._active, self._driving, self._stopped_beside)
         cancelled = [old for old in before if old is not None]
@@ -112,59 +112,43 @@ class GoalExecutor:
         self.reports.status(goal.id, "accepted", caution, text)
         self._active = active
 
-    def _takes_beside_base(self, part: Part) -> bool:
-        """Return whether a goal of a part can be carried out beside the base's."""
-        drives = self._driving or self._active
-        is_driving = drives is not None and drives.part == "base" and not self._avoidance.backs_off
-        return is_driving and part in {"arm", "gripper"} and self._parts.navigator is not None
+    def _takes_beside(self, driving: ActiveGoal, part: Part) -> bool:
+        """Return whether a goal of a part can be carried out beside another one, the base's."""
+        drives = driving.part == "base" and not self._avoidance.backs_off
+        return drives and part in {"arm", "gripper"} and self._parts.navigator is not None
 
-    def _start_beside(self, goal: Goal, part: Part, t: float) -> None:
+    def _start_beside(self, goal: Goal, part: Part, driving: ActiveGoal, t: float) -> None:
         """Start a goal beside that of the base, in place of the one that was beside it."""
-        if self._driving is None:
-            self._driving = self._active
-        elif self._active is not None:
+        if self._active is not None and self._active is not driving:
             self._cancel(self._active, goal)
             self._parts.rest(self._active.part, t)
         self._active = active = ActiveGoal(goal=goal, part=part)
+        self._driving = driving
         if self._concurrent is not None:
             self._concurrent.leave(is_done=False)
         self._concurrent = None
-        if self._driving is not None:
-            self._avoidance.join(goal, part, self._driving.goal)
-        text = "beside the base"
+        self._avoidance.join(goal, part, driving.goal)
         try:
-            if part == "arm":
-                self._check_planner()
-                self._concurrent = self._make_concurrent(goal)
-            else:
-                text = self._move(goal, part, t)
+            text = self._move(goal, part, t)
         except RunError as exc:
             self._end(active, failure_of(exc))
             return
         self.reports.status(goal.id, "accepted", text=text)
 
-    def _make_concurrent(self, goal: Goal) -> ConcurrentMotion:
-        base, navigator = self._parts.base, self._parts.navigator
-        if base is None or navigator is None:
-            raise RunError("the goal sets `base`, but this robot has no mobile base")
-        arm, held = self._parts.arm, self._avoidance.held
-        return ConcurrentMotion(goal=goal, held=held, arm=arm, base=base, navigator=navigator)
-
     def _move(self, goal: Goal, part: Part, t: float) -> str:
         """Start the motion of a goal and return a sentence for its status; raises RunError."""
-        now, held, arm = self._measured, self._avoidance.held, self._parts.arm
-        if now is None:
-            raise RunError("nothing has been measured yet")
-        if part != "all":
-            self._check_planner()
-        if goal.type == "back_to_rest":
-            self._returning = BackToRest(goal=goal, held=held, arm=arm)
-            return self._returning.start(now, t)
-        return self._parts.start(part, goal, now, t, held)
-
-    def _check_planner(self) -> None:
-        if self._lost_planner:
+        parts, held = self._parts, self._avoidance.held
+        if part != "all" and self._lost_planner:
             raise Refused(Cause.NO_PLAN, self._lost_planner)
+        if part == "arm" and self._driving is not None and parts.base and parts.navigator:
+            self._concurrent = ConcurrentMotion(
+                goal=goal, held=held, arm=parts.arm, base=parts.base, navigator=parts.navigator
+            )
+            return "beside the base"
+        if goal.type == "back_to_rest":
+            self._returning = BackToRest(goal=goal, held=held, arm=parts.arm)
+            return self._returning.start(self._measured, t)
+        return parts.start(part, goal, self._measured, t, held)
 
     # A step
 
@@ -222,24 +206,19 @@ class GoalExecutor:
                 concurrent.check(now, t)
             end = self._avoidance.approach(driving.goal, "base", t) or end
             if end is not None:
-                self._arrive(active, driving, end, now, t)
+                self._driving = None
+                self._report_end(driving, end)
+                # What moves beside it continues, unless that failed.
+                if end.state != "succeeded":
+                    self._fail(active, end, t)
+                    return
+                self._avoidance.join(active.goal, active.part)
+                if concurrent is not None:
+                    concurrent.arrived(now, t)
             elif concurrent is not None and self._parts.base_stops():
                 concurrent.postpone(now, t)
         except RunError as exc:
             self._fail(active, failure_of(exc), t)
-
-    def _arrive(
-        self, active: ActiveGoal, driving: ActiveGoal, end: Outcome, now: Measured, t: float
-    ) -> None:
-        """Report the end of the base's goal; what moves beside it continues, unless that failed."""
-        self._driving = None
-        self._report_end(driving, end)
-        if end.state != "succeeded":
-            self._fail(active, end, t)
-            return
-        self._avoidance.join(active.goal, active.part)
-        if self._concurrent is not None:
-            self._concurrent.arrived(now, t)
 
     def _accompanied(
         self, concurrent: ConcurrentMotion, end: Outcome | None, now: Measured, t: float
@@ -281,12 +260,7 @@ class GoalExecutor:
         return True
 
     def _outcome(
-        self,
-        active: ActiveGoal,
-        ends: dict[Part, Outcome | None],
-        collision: Collision | None,
-        lost: str,
-        t: float,
+        self, active: ActiveGoal, ends: Ends, collision: Collision | None, lost: str, t: float
     ) -> Outcome | None:
         """Return the end of the active goal, once it has ended."""
         goal, part, avoidance = active.goal, active.part, self._avoidance
@@ -309,9 +283,8 @@ class GoalExecutor:
         if end is not None and end.state == "failed":
             return end
         active.arm_rests = active.arm_rests or end is not None
-        if not (active.arm_rests and self._parts.base_rests()):
-            return None
-        return Outcome(state="succeeded", text="all is at rest")
+        rests = active.arm_rests and self._parts.base_rests()
+        return Outcome(state="succeeded", text="all is at rest") if rests else None
 
     # A goal ends
 

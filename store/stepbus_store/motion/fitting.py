@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -24,10 +25,7 @@ _JERK_ROUNDING = 1.1
 
 
 def sampled(trajectory: Trajectory, least: int = 100, most: int = 2000) -> list[JointMotion]:
-    """Return states of a trajectory every 0.04 s, its start and its end included.
-
-    least, most: bounds on the number of intervals, however quick or slow the motion is.
-    """
+    """Return states every 0.04 s, start and end included; least, most: bounds on the intervals."""
     count = min(max(math.ceil(trajectory.duration / _CHECKED_EVERY_S), least), most)
     return [trajectory.at(trajectory.duration * i / count) for i in range(count + 1)]
 
@@ -44,9 +42,7 @@ def fitted(
 
     In f times the duration, velocities are 1/f, accelerations and dynamic torques 1/f², jerks 1/f³
     (Hollerbach, Dynamic Scaling of Manipulator Trajectories, 1984). least_duration: of the result
-    [s].
-    Raises Refused where holding still on the path takes more than `effort_share` of the effort
-    limits.
+    [s]. Raises Refused where holding still takes more than `effort_share` of the effort limits.
     """
     states = sampled(trajectory)
     fast = max(float((np.abs(state.velocity) / limits.velocity).max()) for state in states)
@@ -71,21 +67,13 @@ def all_fitted(
     least_duration: float,
 ) -> list[Trajectory]:
     """Return motions that follow one another, each `fitted`; least_duration: of all of them [s]."""
-    within = [fitted(part, robot, limits, effort_share=effort_share) for part in parts]
+    fit = partial(fitted, robot=robot, limits=limits, effort_share=effort_share)
+    within = [fit(part) for part in parts]
     total = sum(part.duration for part in within)
     if not 0 < total < least_duration:
         return within
     slower = least_duration / total
-    return [
-        fitted(
-            part,
-            robot,
-            limits,
-            effort_share=effort_share,
-            least_duration=part.duration * slower,
-        )
-        for part in within
-    ]
+    return [fit(part, least_duration=part.duration * slower) for part in within]
 
 
 def _jerk_ratio(trajectory: Trajectory, limits: MotionLimits) -> float:
@@ -116,12 +104,10 @@ def _torque_factor(states: Sequence[JointMotion], robot: RobotModel, share: floa
         static = robot.gravity_torque(state.position)
         if (np.abs(static) > limit).any():
             worst = int(np.argmax(np.abs(static) - limit))
-            joint = robot.joints[worst]
-            unit = robot.effort_unit(joint)
+            joint, unit = robot.joints[worst], robot.effort_unit(robot.joints[worst])
             text = f"{joint} needs {abs(static[worst]):.1f} {unit} on the path"
-            raise Refused(
-                Cause.NOT_HOLDABLE, f"not holdable: {text} and has {limit[worst]:.1f} {unit}"
-            )
+            text = f"not holdable: {text} and has {limit[worst]:.1f} {unit}"
+            raise Refused(Cause.NOT_HOLDABLE, text)
         total = robot.inverse_dynamics(state.position, state.velocity, state.acceleration)
         moving = total - static
         room = np.maximum(limit - np.sign(moving) * static, 1e-9)

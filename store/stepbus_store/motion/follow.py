@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics import RobotModel, SelfCollisions, Vector
+from stepbus_kinematics import Indices, RobotModel, SelfCollisions, Vector
 from stepbus_store.cause import Cause
-from stepbus_store.motion.ik_search import SINGULAR_BELOW
+from stepbus_store.motion.ik_search import SINGULAR_BELOW, displacement, smallest_singular_value
 from stepbus_store.motion.outcome import Refused
 
 
@@ -102,14 +102,14 @@ def line(start: Any, end: Any, radius: float) -> list[TipPose]:
 
     radius: length that a turn of 1 rad counts, where turning takes longer than moving [m].
     """
-    shift = end.translation - start.translation
-    turn = start.rotation @ pin.log3(start.rotation.T @ end.rotation)
-    angle = float(np.linalg.norm(turn))
-    length = max(float(np.linalg.norm(shift)), angle * radius)
+    whole = displacement(start, end)
+    shift, turn = whole[:3], whole[3:]
+    far, angle = float(np.linalg.norm(shift)), float(np.linalg.norm(turn))
+    length = max(far, angle * radius)
     if length < 1e-9:
         return []
-    count = max(math.ceil(np.linalg.norm(shift) / EVERY_M), math.ceil(angle / _EVERY_RAD), 1)
-    twist = np.concatenate([shift, turn]) / length
+    count = max(math.ceil(far / EVERY_M), math.ceil(angle / _EVERY_RAD), 1)
+    twist = whole / length
     poses = []
     for share in np.linspace(0.0, 1.0, count + 1):
         rotation = pin.exp3(turn * share) @ start.rotation
@@ -140,17 +140,16 @@ def follow(robot: RobotModel, tip: str, path: Sequence[TipPose], start: Vector) 
     predicted by the Jacobian, then corrected by Newton's method. Raises PathLost with cause
     unreachable, limits or singular where the path leaves the branch.
     """
-    tracer = _Tracer(robot, tip)
+    chain, number = robot.chain(tip), robot.frame_id(tip)
     q, slope = start, np.zeros(len(start))
     rows: list[Vector] = []
     slopes: list[Vector] = []
     for index, pose in enumerate(path):
         ahead = pose.u - path[index - 1].u if index else 0.0
         try:
-            q, slope = tracer.step(q, q + slope * ahead, pose)
+            q, slope = _step(robot, number, chain, pose, before=q, guess=q + slope * ahead)
         except Refused as exc:
-            total = path[-1].u
-            text = f"{exc} after {pose.u:.3f} of {total:.3f} m of the path"
+            text = f"{exc} after {pose.u:.3f} of {path[-1].u:.3f} m of the path"
             raise PathLost(exc.cause, text, index) from exc
         rows.append(q)
         slopes.append(slope)
@@ -158,58 +157,50 @@ def follow(robot: RobotModel, tip: str, path: Sequence[TipPose], start: Vector) 
     return JointPath(u=u, q=np.array(rows), slope=np.array(slopes))
 
 
-class _Tracer:
-    def __init__(self, robot: RobotModel, tip: str) -> None:
-        self._robot = robot
-        self._chain = robot.chain(tip)
-        self._number = robot.frame_id(tip)
+def _step(
+    robot: RobotModel,
+    number: int,
+    chain: Indices,
+    wanted: TipPose,
+    *,
+    before: Vector,
+    guess: Vector,
+) -> tuple[Vector, Vector]:
+    """Return joints at a pose and their slope, from those before and a guess."""
+    q = guess.copy()
+    for _ in range(10):
+        now, matrix = robot.jacobian(q, number)
+        error, jacobian = displacement(now, wanted.pose), matrix[:, chain]
+        if np.abs(q - before).max() > _LARGEST_STEP:
+            _check_singular(jacobian)
+            raise Refused(Cause.SINGULAR, "singular: the joints would jump to another branch")
+        if np.abs(error).max() < _CLOSE:
+            _check_singular(jacobian)
+            slope = np.zeros(len(q))
+            step, slope[chain] = _solved(jacobian, np.stack([error, wanted.twist], axis=1)).T
+            q[chain] += step
+            _check_limits(robot, q)
+            return q, slope
+        q[chain] += _solved(jacobian, error)
+    miss = float(np.linalg.norm(error[:3])) * 1e3
+    raise Refused(Cause.UNREACHABLE, f"unreachable: the tip stays {miss:.1f} mm away")
 
-    def step(self, before: Vector, guess: Vector, wanted: TipPose) -> tuple[Vector, Vector]:
-        """Return joints at a pose and their slope, from those before and a guess."""
-        error = np.zeros(6)
-        for q, jacobian, error in self._approach(guess, wanted.pose):
-            if np.abs(q - before).max() > _LARGEST_STEP:
-                self._check_singular(jacobian)
-                raise Refused(Cause.SINGULAR, "singular: the joints would jump to another branch")
-            if np.abs(error).max() < _CLOSE:
-                self._check_singular(jacobian)
-                both = _solved(jacobian, np.stack([error, wanted.twist], axis=1))
-                end, slope = q.copy(), np.zeros(len(q))
-                end[self._chain] += both[:, 0]
-                slope[self._chain] = both[:, 1]
-                self._check_limits(end)
-                return end, slope
-        miss = float(np.linalg.norm(error[:3])) * 1e3
-        raise Refused(Cause.UNREACHABLE, f"unreachable: the tip stays {miss:.1f} mm away")
 
-    def _approach(self, guess: Vector, pose: Any) -> Iterator[tuple[Vector, Vector, Vector]]:
-        q = guess.copy()
-        for _ in range(10):
-            now, matrix = self._robot.jacobian(q, self._number)
-            turn = now.rotation @ pin.log3(now.rotation.T @ pose.rotation)
-            error = np.concatenate([pose.translation - now.translation, turn])
-            jacobian = matrix[:, self._chain]
-            yield q, jacobian, error
-            q = q.copy()
-            q[self._chain] += _solved(jacobian, error)
+def _check_singular(jacobian: Vector) -> None:
+    least = smallest_singular_value(jacobian)
+    if least < SINGULAR_BELOW:
+        text = f"the smallest singular value falls to {least:.4f}, below {SINGULAR_BELOW:.4f},"
+        raise Refused(Cause.SINGULAR, f"singular: {text}")
 
-    def _check_singular(self, jacobian: Vector) -> None:
-        least = float(np.linalg.svd(jacobian, compute_uv=False).min())
-        if least < SINGULAR_BELOW:
-            text = f"the smallest singular value falls to {least:.4f}, below {SINGULAR_BELOW:.4f},"
-            raise Refused(Cause.SINGULAR, f"singular: {text}")
 
-    def _check_limits(self, q: Vector) -> None:
-        robot = self._robot
-        beyond = np.maximum(robot.lower - q, q - robot.upper)
-        worst = int(np.argmax(beyond))
-        if beyond[worst] > 1e-9:
-            joint = robot.joints[worst]
-            raise Refused(
-                Cause.LIMITS,
-                f"out of limits: {joint} would have to go to {q[worst]:.3f} {robot.unit(joint)}, "
-                f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}],",
-            )
+def _check_limits(robot: RobotModel, q: Vector) -> None:
+    beyond = np.maximum(robot.lower - q, q - robot.upper)
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > 1e-9:
+        joint, low, high = robot.joints[worst], robot.lower[worst], robot.upper[worst]
+        text = f"{joint} would have to go to {q[worst]:.3f} {robot.unit(joint)}"
+        text = f"out of limits: {text}, its limits are [{low:.3f}, {high:.3f}],"
+        raise Refused(Cause.LIMITS, text)
 
 
 def _solved(jacobian: Vector, twist: Vector) -> Vector:

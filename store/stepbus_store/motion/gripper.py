@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
-from stepbus_schemas import Goal, GripperCommand, GripperState, RunError
+from stepbus_schemas import Goal, GripperCommand, GripperState
 from stepbus_store.cause import Cause
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.outcome import Outcome, Refused
@@ -43,10 +43,7 @@ _RESERVE = 1.5
 
 
 class Scale:
-    """Weighs a point mass at a frame of the robot, whenever the arm is slow.
-
-    The mass is the one with which gravity explains the measured torques best.
-    """
+    """Weighs a point mass at a frame, whenever the arm is slow: it explains the torques best."""
 
     def __init__(self, robot: RobotModel, frame: str) -> None:
         self._robot = robot
@@ -59,8 +56,8 @@ class Scale:
         """Forget the load: the gripper holds nothing."""
         self._mean = self.load = 0.0
 
-    def weigh(self, q: Vector, v: Vector, effort: Vector, dt: float) -> float:
-        """Return the mass by what was measured dt after the last time [kg].
+    def weigh(self, q: Vector, v: Vector, effort: Vector, dt: float) -> None:
+        """Weigh by what was measured dt [s] after the last time.
 
         q, v, effort: of the joints, shape (n,) [rad, rad/s, N·m].
         """
@@ -73,7 +70,6 @@ class Scale:
             self._mean += (mass - self._mean) * (1.0 - math.exp(-dt / _SETTLES_IN))
         if abs(self._mean - self.load) > _RESOLUTION:
             self.load = max(round(self._mean / _RESOLUTION) * _RESOLUTION, 0.0)
-        return self.load
 
 
 class Gripper:
@@ -86,8 +82,8 @@ class Gripper:
 
     def __init__(self, params: Params) -> None:
         self._params = params
-        self._command: GripperCommand | None = None
-        self._state: GripperState | None = None
+        self._state = GripperState(width=0.0, force=0.0, holding=False)
+        self._command = self._keep(self._state)
         self._goal: GripperCommand | None = None
         self._anchor = 0.0
         self._still_since = 0.0
@@ -112,11 +108,8 @@ class Gripper:
         return GripperCommand(width=width, force=self._params.gripper_force)
 
     def start(self, goal: Goal, t: float) -> str:
-        """Start a goal at a time [s] and return a sentence for its status.
-
-        Raises Refused for a width or force out of range.
-        """
-        state, widest = self._now(), self._params.gripper_widest
+        """Start a goal at t [s], return a sentence; raises Refused for what is out of range."""
+        state, widest = self._state, self._params.gripper_widest
         if not 0.0 <= goal.width <= widest:
             text = f"width {goal.width:g} m is out of reach (0 to {widest:g} m)"
             raise Refused(Cause.INVALID, text)
@@ -132,12 +125,9 @@ class Gripper:
         return f"{verb} from {_mm(state.width)} to {_mm(goal.width)} with {force:.1f}{most} N"
 
     def secure(self, load: float) -> None:
-        """Grip harder where what is held has slid, or where its weight needs it.
-
-        load: its mass, as far as it is known [kg].
-        """
-        state, command, params = self._now(), self._command, self._params
-        if command is None or not (state.holding and (self._goal is not None or self.holds)):
+        """Grip harder where what is held has slid, or its mass, as far as known [kg], needs it."""
+        state, command, params = self._state, self._command, self._params
+        if not (state.holding and (self._goal is not None or self.holds)):
             return
         needed = _RESERVE * load * _GRAVITY / (2.0 * params.pad_friction)
         force = max(command.force, needed)
@@ -156,17 +146,14 @@ class Gripper:
 
     def stop(self) -> None:
         """Leave the fingers where they are; they keep what they hold."""
-        state = self._now()
-        if self._goal is not None and state.holding:
-            self._holds_width = state.width
+        if self._goal is not None and self._state.holding:
+            self._holds_width = self._state.width
         elif self._goal is not None:
-            self._command = self._keep(state)
+            self._command = self._keep(self._state)
         self._goal = None
 
     def command(self) -> GripperCommand:
         """Return the command of this step."""
-        if self._command is None:
-            raise RunError("the gripper has not been measured yet")
         return self._command
 
     def check(self, state: GripperState, t: float) -> Outcome | None:
@@ -203,13 +190,10 @@ class Gripper:
         return Outcome(state="failed", cause=Cause.STUCK, text=text)
 
     def lost(self, t: float) -> str:
-        """Return a sentence once what was held has slipped out, else nothing.
-
-        Call it in every step.
-        """
+        """Return a sentence once what was held has slipped out, else nothing; call it each step."""
         if self._holds_width is None or self._goal is not None:
             return ""
-        state = self._now()
+        state = self._state
         if state.holding:
             self._loose_since = None
             return ""
@@ -221,11 +205,6 @@ class Gripper:
             f"what was held at {_mm(held)} is lost: the pads are {_mm(state.width)} apart and "
             f"press with {state.force:.1f} N{_IS_JAMMED if state.width > held - _STILL else ''}"
         )
-
-    def _now(self) -> GripperState:
-        if self._state is None:
-            raise RunError("the gripper has not been measured yet")
-        return self._state
 
 
 def _mm(length: float) -> str:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -14,25 +14,15 @@ SINGULAR_BELOW = 0.01
 """Smallest singular value of a tip's Jacobian that is accepted, with lengths in [m]."""
 
 Verdict = Literal["reached", "not_holdable", "in_collision", "singular", "unreachable"]
-_WORSE: tuple[Verdict, ...] = (
-    "reached", "not_holdable", "in_collision", "singular", "unreachable",
-)  # fmt: skip
 """From best to worst; of several attempts the best is returned."""
 
 _LARGEST_STEP = 0.5
 """Of a joint in one iteration [rad]; the linear model holds no further."""
 
 
-class _Pace(NamedTuple):
-    """Times as many iterations, and how much of the squared error is added to the damping."""
-
-    rounds: int
-    caution: float
-
-
-_QUICK = _Pace(1, 0.05)
-_CLOSEST = _Pace(20, 0.5)
-"""For the closest pose: the quick pace would swing to and fro about a stretched arm."""
+_CAUTION, _CLOSEST_CAUTION = 0.05, 0.5
+"""How much of the squared error is added to the damping; for the closest pose more: the search
+would swing to and fro about a stretched arm."""
 
 _STANDSTILL = 1e-6
 """Smallest step of an iteration that still leads anywhere [rad]."""
@@ -43,8 +33,8 @@ _DAMPING = 1e-2
 _STARTS, _HOPELESS_AFTER = 50, 25
 """Attempts from different poses; fewer, where none of so many came to the pose."""
 
-_ITERATIONS = 30
-"""Of one attempt."""
+_ITERATIONS, _CLOSEST_ITERATIONS = 30, 600
+"""Of one attempt, and for the closest pose."""
 
 _REACHED = 1e-5
 """Errors below which a pose counts as reached [m], [rad]."""
@@ -75,9 +65,8 @@ class Solution:
                     f"{math.degrees(self.orientation_error):.1f}° away"
                 )
             case "singular":
-                return (
-                    f"singular: the smallest singular value is {self.smallest_singular_value:.4f}"
-                )
+                least = self.smallest_singular_value
+                return f"singular: the smallest singular value is {least:.4f}"
             case "in_collision":
                 return f"in collision: {' would touch '.join(self.pair or ())}"
             case "not_holdable":
@@ -112,21 +101,15 @@ class InverseKinematics:
         shape (n,) [rad]; joints that do not move the tip stay there. Raises RunError for an
         unknown frame.
         """
-        attempts = (
-            self._judge(tip, self._descend(tip, target, q), target)
-            for q in self._starts(tip, start)
-        )
-        best, count = next(attempts), 1
-        while best.verdict != "reached":
-            if best.verdict == "unreachable" and count >= _HOPELESS_AFTER:
+        best = Solution(verdict="unreachable", q=start, position_error=math.inf)
+        for count, q in enumerate(self._starts(tip, start), 1):
+            found = self._judge(tip, self._descend(tip, target, q), target)
+            best = min(best, found, key=_rank)
+            is_hopeless = best.verdict == "unreachable" and count >= _HOPELESS_AFTER
+            if best.verdict == "reached" or is_hopeless:
                 break
-            solution = next(attempts, None)
-            if solution is None:
-                break
-            count += 1
-            best = min(best, solution, key=_rank)
         if best.verdict == "unreachable":
-            closest = self._descend(tip, target, best.q, _CLOSEST)
+            closest = self._descend(tip, target, best.q, _CLOSEST_ITERATIONS, _CLOSEST_CAUTION)
             best = self._judge(tip, closest, target)
         return best
 
@@ -138,17 +121,23 @@ class InverseKinematics:
             q[chain] = self._random.uniform(robot.lower[chain], robot.upper[chain])
             yield q
 
-    def _descend(self, tip: str, target: Any, start: Vector, pace: _Pace = _QUICK) -> Vector:
+    def _descend(
+        self,
+        tip: str,
+        target: Any,
+        start: Vector,
+        iterations: int = _ITERATIONS,
+        caution: float = _CAUTION,
+    ) -> Vector:
         """Return where damped least squares ends, shape (n,) [rad]."""
-        robot = self._robot
-        number, chain = robot.frame_id(tip), robot.chain(tip)
+        number, chain = self._robot.frame_id(tip), self._robot.chain(tip)
         q = start.copy()
-        for _ in range(_ITERATIONS * pace.rounds):
-            pose, jacobian = robot.jacobian(q, number)
-            error = _displacement(pose, target)
-            if self._is_there(error):
+        for _ in range(iterations):
+            pose, jacobian = self._robot.jacobian(q, number)
+            error = displacement(pose, target)
+            if _is_there(error):
                 break
-            moved = self._step(q[chain], jacobian[:, chain], error, chain, pace.caution)
+            moved = self._step(q[chain], jacobian[:, chain], error, chain, caution)
             if np.abs(moved - q[chain]).max() < _STANDSTILL:
                 break
             q[chain] = moved
@@ -173,48 +162,50 @@ class InverseKinematics:
             free &= ~stuck
         return moved
 
-    def _is_there(self, error: Vector) -> bool:
-        return bool(max(np.linalg.norm(error[:3]), np.linalg.norm(error[3:])) < _REACHED)
-
     def judge(self, q: Vector, moved: Indices) -> Solution:
-        """Return the verdict on given joint positions, shape (n,) [rad].
+        """Return the verdict on given joint positions, shape (n,) [rad]: collisions and strength.
 
         moved: the joints that must be strong enough; the others are not judged.
         """
-        return self._judged(q, "reached", moved)
+        if self._collisions is not None and self._collisions.any(q):
+            return Solution(verdict="in_collision", q=q, pair=self._collisions.pair(q))
+        overload = self._robot.overload(q, moved)
+        verdict: Verdict = "reached" if overload is None else "not_holdable"
+        return Solution(verdict=verdict, q=q, overload=overload)
 
     def _judge(self, tip: str, q: Vector, target: Any) -> Solution:
-        pose, jacobian = self._robot.jacobian(q, self._robot.frame_id(tip))
-        error = _displacement(pose, target)
         chain = self._robot.chain(tip)
-        part = jacobian[:, chain]
-        smallest = float(np.linalg.svd(part, compute_uv=False).min())
-        verdict: Verdict = "reached" if self._is_there(error) else "unreachable"
-        if verdict == "reached" and smallest < SINGULAR_BELOW:
-            verdict = "singular"
+        pose, jacobian = self._robot.jacobian(q, self._robot.frame_id(tip))
+        error, smallest = displacement(pose, target), smallest_singular_value(jacobian[:, chain])
+        if not _is_there(error):
+            found = Solution(verdict="unreachable", q=q)
+        elif smallest < SINGULAR_BELOW:
+            found = Solution(verdict="singular", q=q)
+        else:
+            found = self.judge(q, chain)
         return replace(
-            self._judged(q, verdict, chain),
+            found,
             position_error=float(np.linalg.norm(error[:3])),
             orientation_error=float(np.linalg.norm(error[3:])),
             smallest_singular_value=smallest,
         )
 
-    def _judged(self, q: Vector, verdict: Verdict, moved: Indices) -> Solution:
-        """Return a solution; what is reached is checked for collisions and strength."""
-        overload, pair = None, None
-        if verdict == "reached":
-            if self._collisions is not None and self._collisions.any(q):
-                verdict, pair = "in_collision", self._collisions.pair(q)
-            elif (overload := self._robot.overload(q, moved)) is not None:
-                verdict = "not_holdable"
-        return Solution(verdict=verdict, q=q, overload=overload, pair=pair)
+
+def _is_there(error: Vector) -> bool:
+    return bool(max(np.linalg.norm(error[:3]), np.linalg.norm(error[3:])) < _REACHED)
 
 
-def _displacement(pose: Any, target: Any) -> Vector:
+def smallest_singular_value(jacobian: Vector) -> float:
+    """Return the smallest singular value of a Jacobian, shape (6, m), with lengths in [m]."""
+    return float(np.linalg.svd(jacobian, compute_uv=False).min())
+
+
+def displacement(pose: Any, target: Any) -> Vector:
     """Return the displacement between two `pinocchio.SE3`, in the axes of the base, shape (6,).
 
-    In these axes a turn of the tip leaves the translation as it is. In the tip's own axes it does
-    not, and the search would stop short of the closest pose.
+    Translation [m], then the rotation vector [rad]. In these axes a turn of the tip leaves the
+    translation as it is. In the tip's own axes it does not, and the search would stop short of the
+    closest pose.
     """
     turn = pose.rotation @ pin.log3(pose.rotation.T @ target.rotation)
     return np.concatenate([target.translation - pose.translation, turn])
@@ -224,4 +215,6 @@ def _rank(solution: Solution) -> tuple[int, float]:
     """Return a sort key that is smaller for a better solution."""
     miss = solution.position_error + solution.orientation_error
     load = solution.overload.required - solution.overload.available if solution.overload else 0.0
-    return _WORSE.index(solution.verdict), miss if solution.verdict == "unreachable" else load
+    return get_args(Verdict).index(
+        solution.verdict
+    ), miss if solution.verdict == "unreachable" else load

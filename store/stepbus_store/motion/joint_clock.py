@@ -56,8 +56,7 @@ class MotionClock:
 
     def catch_up(self, t: float) -> None:
         """Bring the clock to a simulation time, at the rate that it has [s]."""
-        self.s += self.rate * (t - self.t)
-        self.t = t
+        self.s, self.t = self.time_at(t), t
 
     def advance(self, dt: float, wanted: float, trajectory: Trajectory) -> None:
         """Move on by dt [s], towards the wanted rate, 0 to 1."""

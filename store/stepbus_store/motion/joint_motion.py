@@ -27,8 +27,8 @@ class MotionLimits:
     @classmethod
     def of_one(cls, velocity: float, acceleration: float, jerk: float) -> MotionLimits:
         """Return the limits of a single coordinate, shape (1,)."""
-        rows = (np.array([limit]) for limit in (velocity, acceleration, jerk))
-        return cls(**dict(zip(("velocity", "acceleration", "jerk"), rows, strict=True)))
+        v, a, j = (np.array([limit]) for limit in (velocity, acceleration, jerk))
+        return cls(velocity=v, acceleration=a, jerk=j)
 
     def at_least(self, acceleration: float, jerk: float) -> MotionLimits:
         """Return these limits, with none of acceleration and jerk smaller than the given ones."""
@@ -39,17 +39,20 @@ class MotionLimits:
         )
 
 
+_TIP_TURNING = 1.0
+"""Fastest turn of the tip [rad/s]."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ManipulatorOptions:
     """How an arm moves.
 
     period: between two commands [s]. tip: frame whose path counts when the arm backs off, and whose
     error is reported; empty: errors of joints only. tip_velocity, tip_acceleration, tip_jerk: of
-    lines and spirals [m/s, m/s², m/s³]. tip_turning: fastest turn of the tip [rad/s].
-    plan_timeout: for the planner's answer [s of simulation]. effort_share: of the effort limits
-    that motions may need. brake_acceleration, brake_jerk: of the hardest stop; the limits of the
-    motion where they are larger [rad/s², rad/s³]. jam_lag: a joint that is further behind its
-    command is jammed [rad, m].
+    lines and spirals [m/s, m/s², m/s³]. plan_timeout: for the planner's answer [s of simulation].
+    effort_share: of the effort limits that motions may need. brake_acceleration, brake_jerk: of the
+    hardest stop; the limits of the motion where they are larger [rad/s², rad/s³]. jam_lag: a joint
+    that is further behind its command is jammed [rad, m].
     """
 
     period: float
@@ -57,7 +60,6 @@ class ManipulatorOptions:
     tip_velocity: float = 0.25
     tip_acceleration: float = 0.5
     tip_jerk: float = 5.0
-    tip_turning: float = 1.0
     plan_timeout: float = 5.0
     effort_share: float = 0.9
     brake_acceleration: float = 15.0
@@ -67,7 +69,7 @@ class ManipulatorOptions:
     @property
     def turn_radius(self) -> float:
         """Return the length that a turn of 1 rad counts on a path of the tip [m]."""
-        return self.tip_velocity / self.tip_turning
+        return self.tip_velocity / _TIP_TURNING
 
     @property
     def tip_limits(self) -> MotionLimits:
@@ -92,8 +94,8 @@ class JointMotion:
     @classmethod
     def of_one(cls, position: float, velocity: float, acceleration: float) -> JointMotion:
         """Return the motion of a single coordinate, shape (1,)."""
-        rows = (np.array([value]) for value in (position, velocity, acceleration))
-        return cls(**dict(zip(("position", "velocity", "acceleration"), rows, strict=True)))
+        q, v, a = (np.array([value]) for value in (position, velocity, acceleration))
+        return cls(position=q, velocity=v, acceleration=a)
 
     def command(self) -> JointCommand:
         """Return the command for position motors with feed-forward velocity."""
@@ -125,15 +127,22 @@ class JointMotion:
 class Motion:
     """A motion to rest, the fastest one; after it they stay there.
 
-    goal: None: wherever they come to rest. duration: [s]; at least `least_duration` [s]. Raises
-    Refused with cause no_path where no motion keeps the limits.
+    goal: None: wherever they come to rest. From rest, the joints stay on the straight line to it.
+    duration: [s]; at least `least_duration` [s]. Raises Refused with cause no_path where no motion
+    keeps the limits.
     """
 
     def __init__(
         self, start: JointMotion, goal: Vector | None, limits: MotionLimits, least_duration: float
     ) -> None:
         self.made_from = start, goal, limits, least_duration
-        given = _input(start, limits)
+        given = ruckig.InputParameter(len(start.position))
+        given.current_position = start.position.tolist()
+        given.current_velocity = start.velocity.tolist()
+        given.current_acceleration = start.acceleration.tolist()
+        given.max_velocity = limits.velocity.tolist()
+        given.max_acceleration = limits.acceleration.tolist()
+        given.max_jerk = limits.jerk.tolist()
         if goal is None:
             given.control_interface = ruckig.ControlInterface.Velocity
             given.synchronization = ruckig.Synchronization.No
@@ -164,31 +173,13 @@ class Motion:
 def motion_to(
     start: JointMotion, goal: Vector, limits: MotionLimits, least_duration: float = 0.0
 ) -> Motion:
-    """Return the fastest motion to rest at goal, shape (n,) [rad].
-
-    From rest, the joints stay on the straight line between both. least_duration: the motion takes
-    at least so long [s]. Raises Refused with cause no_path where no motion keeps the limits.
-    """
+    """Return the fastest motion to rest at goal, shape (n,) [rad], see `Motion`."""
     return Motion(start, goal, limits, least_duration)
 
 
 def stop_from(start: JointMotion, limits: MotionLimits) -> Motion:
-    """Return the fastest motion to a standstill, wherever that is.
-
-    Raises Refused with cause no_path where no motion keeps the limits.
-    """
+    """Return the fastest motion to a standstill, wherever that is, see `Motion`."""
     return Motion(start, None, limits, 0.0)
-
-
-def _input(start: JointMotion, limits: MotionLimits) -> Any:
-    given = ruckig.InputParameter(len(start.position))
-    given.current_position = start.position.tolist()
-    given.current_velocity = start.velocity.tolist()
-    given.current_acceleration = start.acceleration.tolist()
-    given.max_velocity = limits.velocity.tolist()
-    given.max_acceleration = limits.acceleration.tolist()
-    given.max_jerk = limits.jerk.tolist()
-    return given
 
 
 def _calculated(given: Any) -> Any:

@@ -16,16 +16,17 @@ from stepbus_store.motion.outcome import Refused
 _LINK_RADIUS = 0.1
 """How far the points of a link are from the axis about which it turns [m]."""
 
+_MOST, _EVERY = 2000, 0.01
+"""How many commanded poses are kept, and at which distance [rad]."""
+
 
 class Links:
-    """The links of a robot in its base; what is none of them, such as what it holds, is at the tip.
-
-    tip: frame at the end of the arm.
-    """
+    """The links of a robot in its base; what is none of them, as what it holds, is at `tip`."""
 
     def __init__(self, robot: RobotModel, tip: str) -> None:
         self._robot = robot
         self._tip = tip
+        self._behind: deque[Vector] = deque(maxlen=_MOST)
 
     def tip_pose(self, q: Vector) -> tuple[Point, Quaternion]:
         """Return position and orientation of the tip in the base at q, shape (n,) [rad, m]."""
@@ -36,15 +37,10 @@ class Links:
 
     def position(self, link: str, q: Vector) -> Vector:
         """Return where a link is in the base at q, shape (n,) [rad], as shape (3,) [m]."""
-        position: Vector = self._robot.frame_pose(q, self._frame(link)).translation.copy()
-        return position
+        return np.array(self._robot.frame_pose(q, self._frame(link)).translation)
 
     def speeds(self, now: JointMotion, rate: float) -> Callable[[str], tuple[float, float]]:
-        """Return a function: link → its speed now, and at the full rate of the motion [m/s].
-
-        now: the motion at its full rate, which it makes at the share `rate`. A turning link counts
-        as wide as 0.1 m.
-        """
+        """Return a function: link → its speed at a rate, and at the full rate of `now` [m/s]."""
         if not now.velocity.any():
             return lambda _: (0.0, 0.0)
         twist_of = self._robot.twists(now.position, now.velocity)
@@ -53,7 +49,9 @@ class Links:
         def speeds(link: str) -> tuple[float, float]:
             frame = self._frame(link)
             if frame not in known:
-                full = _speed(twist_of(frame))
+                twist = twist_of(frame)
+                linear, angular = (math.sqrt(part.dot(part)) for part in (twist[:3], twist[3:]))
+                full = linear + _LINK_RADIUS * angular
                 known[frame] = (full * rate, full)
             return known[frame]
 
@@ -62,28 +60,8 @@ class Links:
     def _frame(self, link: str) -> str:
         return link if link in self._robot.links else self._tip
 
-
-def _speed(twist: Vector) -> float:
-    linear, angular = twist[:3], twist[3:]
-    return math.sqrt(linear.dot(linear)) + _LINK_RADIUS * math.sqrt(angular.dot(angular))
-
-
-_EVERY = 0.01
-"""Distance of the poses that are kept [rad]."""
-
-_MOST = 2000
-
-
-class BackOffPath:
-    """Records commanded poses, the newest 2000; tip: frame whose path counts."""
-
-    def __init__(self, robot: RobotModel, tip: str) -> None:
-        self._robot = robot
-        self._tip = tip
-        self._behind: deque[Vector] = deque(maxlen=_MOST)
-
     def record(self, q: Vector) -> None:
-        """Keep a pose, shape (n,) [rad], unless it is close to the newest one."""
+        """Keep a commanded pose, shape (n,) [rad], unless it is close to the newest one."""
         if not self._behind or np.abs(q - self._behind[-1]).max() >= _EVERY:
             self._behind.append(q)
 
@@ -93,10 +71,10 @@ class BackOffPath:
         They are removed. distance: of the tip, wanted [m]. Raises Refused where none are left.
         """
         points, length = [rest], 0.0
-        before = self._tip_at(rest)
+        before = self._robot.frame_pose(rest, self._tip).translation
         while self._behind and length < distance:
             point = self._behind.pop()
-            tip = self._tip_at(point)
+            tip = self._robot.frame_pose(point, self._tip).translation
             ahead = float(np.linalg.norm(tip - before))
             if length + ahead > distance:
                 self._behind.append(point)
@@ -105,11 +83,6 @@ class BackOffPath:
             points.append(point)
             before, length = tip, length + ahead
         if length < 1e-6:
-            raise Refused(
-                Cause.NO_PATH, "the arm has not moved: there is no path to back off along"
-            )
+            text = "the arm has not moved: there is no path to back off along"
+            raise Refused(Cause.NO_PATH, text)
         return points, length
-
-    def _tip_at(self, q: Vector) -> Vector:
-        position: Vector = self._robot.frame_pose(q, self._tip).translation
-        return position

@@ -10,15 +10,16 @@ from dataclasses import replace
 import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
-from stepbus_schemas import BaseState, Goal, Plan, Point, RunError
+from stepbus_schemas import Goal, Plan, Point, RunError
 from stepbus_store.cause import Cause
+from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.candidates import CandidateFinder, about_as_near
 from stepbus_store.motion.fitting import all_fitted, fitted
 from stepbus_store.motion.follow import Candidate, joint_path
 from stepbus_store.motion.joint_motion import JointMotion, ManipulatorOptions, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.links import BackOffPath, Links
-from stepbus_store.motion.outcome import Outcome, Refused
+from stepbus_store.motion.links import Links
+from stepbus_store.motion.outcome import Measured, Outcome, Refused
 from stepbus_store.motion.planner_search import PlannerQueries, PlannerSearch, refusal_of
 from stepbus_store.motion.player import MotionPlayer, planned
 from stepbus_store.motion.routes import DetourRouter
@@ -38,29 +39,39 @@ class Manipulator:
     In every step, in this order: `advance` the clock where motions may be slowed down, `check` what
     was measured, `take_plan`, `start`, publish `queries.pop()`, command `at(t)`.
 
-    limits: of the joints. router: finds motions to candidates; None: a planner does, which is
-    asked with `queries`. collisions: of the robot with itself when it stops; None: not checked.
-    Vectors are of shape (n,) [rad, rad/s, rad/s²].
+    limits: of the joints. seed: of all that is random. uses_planner: `queries` ask it for motions;
+    else the arm finds them, and avoids only itself. collisions: of the robot with itself; None: not
+    checked. tries_unholdable: it also goes to poses that the motors cannot hold. Vectors are of
+    shape (n,) [rad, rad/s, rad/s²].
     """
 
     def __init__(
         self,
-        finder: CandidateFinder,
+        robot: RobotModel,
         limits: MotionLimits,
         settling: JointParams,
         options: ManipulatorOptions,
         *,
-        router: DetourRouter | None = None,
+        seed: int,
+        uses_planner: bool = False,
         collisions: SelfCollisions | None = None,
+        tries_unholdable: bool = False,
     ) -> None:
-        robot = finder.robot
-        self._robot: RobotModel = robot
+        self._robot = robot
+        share = options.effort_share
+        solver = BranchSolver(robot, seed=seed, effort_share=share, collisions=collisions)
+        self._finder = CandidateFinder(solver, options, tries_unholdable=tries_unholdable)
+        self._router: DetourRouter | None = None
+        if not uses_planner:
+            self._router = DetourRouter(
+                robot, limits, seed=seed, collisions=collisions, effort_share=share
+            )
+        self.tip = options.tip
+        """Frame whose path counts when the arm backs off."""
         self.links = Links(robot, options.tip)
-        self._finder = finder
         self._limits = limits
         self._settling = settling
         self._options = options
-        self._router = router
         self._player = MotionPlayer(robot, limits, options, collisions)
         self.queries = PlannerQueries(options.plan_timeout)
         self._jam = JamWatch(robot, options.jam_lag, options.period)
@@ -70,12 +81,11 @@ class Manipulator:
         self._route: PlannerSearch | None = None
         self._route_ends = 0.0
         self._blocked = ""
-        self._behind = BackOffPath(robot, options.tip)
         self._backs_off = False
         self._keeps_held = False
         self._ready: tuple[list[Trajectory], PlannerSearch] | None = None
         self._bases: Sequence[Point] = ()
-        self._began_at = 0.0
+        self._began_at = self._ended_at = 0.0
         self.took: float | None = None
         """How long the last motion took, once it is over [s]."""
         self.caution = ""
@@ -84,8 +94,8 @@ class Manipulator:
     @property
     def follows_plan(self) -> bool:
         """Return whether the arm is on a planner's path, which `replan` can replace."""
-        is_under_way = self._player.clock.s < self._route_ends
-        return self._route is not None and self.queries.search is None and is_under_way
+        is_known = self._route is not None and self.queries.search is None
+        return is_known and self._player.clock.s < self._route_ends
 
     @property
     def blocked(self) -> str:
@@ -97,7 +107,7 @@ class Manipulator:
         """Move with a mass at the tip from the next goal on [kg]."""
         if load != self.queries.load:
             self.queries.load = load
-            self._robot.carry(load, self._options.tip)
+            self._robot.carry(load, self.tip)
 
     def hold(self, q: Vector) -> None:
         """Stand still at q."""
@@ -106,24 +116,16 @@ class Manipulator:
         self._player.rest(q)
 
     def advance(self, dt: float, scale: float) -> None:
-        """Move the motion on by dt [s] of simulation; its time runs `scale` times as fast.
-
-        scale: 0 (stand) to 1. It is approached so that the joints keep their acceleration limits.
-        """
+        """Move on by dt [s]; time comes to run `scale`, 0 to 1, as fast, without a jerk."""
         q = self._player.advance(dt, scale)
         if not self._backs_off:
-            self._behind.record(q)
+            self.links.record(q)
 
     def at(self, t: float) -> JointMotion:
         """Return the command for a time [s]."""
         command = self._player.command(t)
         self._jam.command(command)
         return command
-
-    @property
-    def tip(self) -> str:
-        """Return the frame whose path counts when the arm backs off."""
-        return self._options.tip
 
     @property
     def is_moving(self) -> bool:
@@ -135,31 +137,22 @@ class Manipulator:
         return self.links.speeds(self._player.nominal(), self._player.clock.rate)
 
     def start(
-        self,
-        goal: Goal,
-        q: Vector,
-        base: BaseState,
-        t: float,
-        *,
-        held: str = "",
-        bases: Sequence[Point] = (),
+        self, goal: Goal, at: Measured, t: float, *, held: str = "", bases: Sequence[Point] = ()
     ) -> str:
         """Start a goal and return a sentence for its status; the one before is forgotten.
 
-        q: measured. base: odometry. held: link of the world in the gripper. bases: poses of a base
-        that drives at which the path has to be free; then the arm waits for `release`. Raises
-        Refused for a goal that cannot be carried out; then the arm comes to rest.
+        at: joints and base. held: link of the world in the gripper. bases: poses of a base that
+        drives at which the path has to be free; then the arm waits for `release`. Raises Refused
+        for a goal that cannot be carried out; then the arm comes to rest.
         """
-        now = self._player.catch_up(t)
-        self._route = None
-        self._forget()
+        now = self._give_up(t)
         self._bases = bases
-        self._tip = (goal.tip or self._options.tip) if self._options.tip else ""
+        self._tip = (goal.tip or self.tip) if self.tip else ""
         try:
             if not (math.isfinite(goal.duration) and goal.duration >= 0):
                 text = f"duration is {goal.duration:g} s; it must be finite and not negative"
                 raise Refused(Cause.INVALID, text)
-            return self._begin(goal, now, q, base, held)
+            return self._begin(goal, self._brake(now), at, held)
         except RunError as exc:
             self._brake(now)
             if isinstance(exc, Refused):
@@ -180,15 +173,17 @@ class Manipulator:
 
     def take_plan(self, plan: Plan, t: float) -> None:
         """Follow a planner's answer, or record that its path is blocked; older ones are ignored."""
-        search = self.queries.answered(plan)
+        search = self.queries.search
         if search is None:
-            if self.queries.search is None:
-                self._block(plan)
+            self._block(plan)
+        if search is None or plan.id != search.request_id:
             return
         try:
             if plan.cause:
                 raise refusal_of(plan)
-            parts = self._parts(plan, search)
+            target, is_there = search.candidate.target, search.candidate.is_at(search.rest)
+            first = [] if is_there else [planned(plan, search.rest, target, self._robot)]
+            parts = self._fitted(search.candidate, search.goal.duration, first)
         except Refused as exc:
             self._fail(self.queries.try_next(search, exc, t))
             return
@@ -214,21 +209,17 @@ class Manipulator:
         after = sum(part.duration for part in parts[len(parts) - len(search.candidate.paths) :])
         self._route_ends = self._player.trajectory.duration - after
 
-    def _parts(self, plan: Plan, search: PlannerSearch) -> list[Trajectory]:
-        """Return the motions of an answered search; raises Refused."""
-        candidate = search.candidate
-        parts = self._along(candidate)
-        if not candidate.is_at(search.rest):
-            parts.insert(0, planned(plan, search.rest, candidate.target, self._robot))
-        return self._fitted(parts, search.goal.duration)
-
-    def _along(self, candidate: Candidate) -> list[Trajectory]:
-        return [along_path(path, self._options.tip_limits) for path in candidate.paths]
-
-    def _fitted(self, parts: list[Trajectory], duration: float) -> list[Trajectory]:
-        share = self._options.effort_share
+    def _fitted(
+        self, candidate: Candidate, duration: float = 0.0, first: Sequence[Trajectory] = ()
+    ) -> list[Trajectory]:
+        """Return the motions along a candidate's paths, after others; duration: of all [s]."""
+        along = (along_path(path, self._options.tip_limits) for path in candidate.paths)
         return all_fitted(
-            parts, self._robot, self._limits, effort_share=share, least_duration=duration
+            [*first, *along],
+            self._robot,
+            self._limits,
+            effort_share=self._options.effort_share,
+            least_duration=duration,
         )
 
     def replan(self, t: float, *, touches: bool = False) -> None:
@@ -241,9 +232,7 @@ class Manipulator:
         route = self._route
         if route is None:
             raise RunError("there is no planned path to replace")
-        now = self._player.catch_up(t)
-        self._forget()
-        rest = self._brake(now, hard=True, touches=touches)
+        rest = self._brake(self._give_up(t, keeps_route=True), hard=True, touches=touches)
         candidates = itertools.chain([route.candidate], route.candidates)
         self._search(route.goal, route.held, rest, candidates)
 
@@ -253,10 +242,7 @@ class Manipulator:
         What the gripper holds is kept, unless the robot touches something, or is about to.
         keeps_route: `replan` will continue.
         """
-        now = self._player.catch_up(t)
-        self._route = self._route if keeps_route else None
-        self._forget()
-        self._brake(now, hard=True, touches=touches)
+        self._brake(self._give_up(t, keeps_route=keeps_route), hard=True, touches=touches)
         self._watch()
 
     def stop_harder(self, t: float) -> None:
@@ -274,10 +260,8 @@ class Manipulator:
         distance: of the tip, wanted [m]; the recorded path may be shorter. Raises Refused where
         there is none.
         """
-        now = self._player.catch_up(t)
-        self._forget()
-        rest = self._brake(now, hard=True, touches=True)
-        points, length = self._behind.take(rest, distance)
+        rest = self._brake(self._give_up(t, keeps_route=True), hard=True, touches=True)
+        points, length = self.links.take(rest, distance)
         slow = MotionLimits.of_one(
             _BACK_OFF_SHARE * float(self._limits.velocity.min()),
             float(self._limits.acceleration.min()),
@@ -296,12 +280,9 @@ class Manipulator:
         stuck = self._jam.stuck(q)
         if not stuck.any():
             return ""
-        now = self._player.catch_up(t)
-        self._route = None
-        self._forget()
-        self._brake(now.without(stuck, q), hard=True, touches=True)
+        self._brake(self._give_up(t).without(stuck, q), hard=True, touches=True)
         self._watch()
-        return self._jam.text(q, effort)
+        return self._jam.text(effort)
 
     def check(self, q: Vector, v: Vector, t: float) -> Outcome | None:
         """Compare with what was measured; return how the goal ended, once it has."""
@@ -313,8 +294,9 @@ class Manipulator:
         if self._settle is None or late < 0:
             return None
         if self.took is None:
-            self.took = t - late - self._began_at
-        outcome = self._settle.check(q, v, t, late)
+            self._ended_at = t - late
+            self.took = self._ended_at - self._began_at
+        outcome = self._settle.check(q, v, t - self._ended_at)
         if outcome is not None:
             self._settle = None
             if outcome.state == "failed":
@@ -324,11 +306,10 @@ class Manipulator:
 
     # From a goal to a motion
 
-    def _begin(self, goal: Goal, now: JointMotion, q: Vector, base: BaseState, held: str) -> str:
-        rest = self._brake(now)
+    def _begin(self, goal: Goal, rest: Vector, at: Measured, held: str) -> str:
         if goal.type == "move_linear":
-            return self._line(goal, rest, q, base, held)
-        solutions = self._finder.candidates(goal, rest, q, base)
+            return self._line(goal, rest, at, held)
+        solutions = self._finder.candidates(goal, rest, at)
         if self._bases:
             # Later, while the base stands, the arm may go the short way.
             solutions = about_as_near(solutions, rest)
@@ -339,20 +320,20 @@ class Manipulator:
         if self._router is None:
             return self._search(goal, held, rest, candidates)
         candidate, motions = self._router.route(rest, candidates, goal.duration)
-        parts = [*motions, *self._fitted(self._along(candidate), 0.0)]
+        parts = [*motions, *self._fitted(candidate)]
         self._then(parts)
         self.caution = "" if candidate.holds else Cause.NOT_HOLDABLE
         seconds = sum(part.duration for part in parts)
         text = f"{seconds:.2f} s of motion in {len(parts)} parts"
         return f"{candidate.text or 'reached'}; {text}"
 
-    def _line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:
-        path = self._finder.line(goal, rest, q, base)
+    def _line(self, goal: Goal, rest: Vector, at: Measured, held: str) -> str:
+        path = self._finder.line(goal, rest, at)
         if path is None:
             self._then([AtRest(rest)])
             return "the tip is there already"
         candidate = Candidate(target=rest, paths=(path,))
-        parts = self._fitted(self._along(candidate), goal.duration)
+        parts = self._fitted(candidate, goal.duration)
         ends = (self._robot.frame_pose(path.q[i], goal.tip).translation for i in (0, -1))
         length = float(np.linalg.norm(np.subtract(*ends)))
         text = f"straight path of {length:.3f} m; {parts[0].duration:.2f} s of motion"
@@ -384,6 +365,12 @@ class Manipulator:
 
     # The motion under way
 
+    def _give_up(self, t: float, *, keeps_route: bool = False) -> JointMotion:
+        """Forget what is under way, and return the joints at a time [s]."""
+        self._route = self._route if keeps_route else None
+        self._forget()
+        return self._player.catch_up(t)
+
     def _forget(self) -> None:
         self.queries.cancel()
         self._settle, self._verdict = None, None
@@ -392,7 +379,6 @@ class Manipulator:
         self._ready, self._bases = None, ()
 
     def _brake(self, now: JointMotion, *, hard: bool = False, touches: bool = False) -> Vector:
-        self._backs_off = False
         holds = self.queries.load > 0.0 and not touches
         self._keeps_held = hard and holds
         return self._player.brake(now, hard=hard, holds=holds)

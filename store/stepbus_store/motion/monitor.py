@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from stepbus_schemas import Contacts, Point
@@ -53,9 +52,16 @@ class _Row(NamedTuple):
     distance: float
     at: Point
 
+    @property
+    def pair(self) -> tuple[str, str]:
+        return self.ours, self.other
+
 
 _APART = 5e-3
 """Distance from which a thing that was between the pads counts as let go [m]."""
+
+SpeedOf = Callable[[str], tuple[float, float]]
+"""Speed of a link of the robot, or of what it holds, now and at the arm's full rate [m/s]."""
 
 
 class Grasp:
@@ -74,35 +80,20 @@ class Grasp:
         self.between: set[str] = set()
 
     def update(self, contacts: Contacts, *, holding: bool, grips: bool) -> None:
-        """Take the contacts of a step.
-
-        holding: whether the gripper holds something between its pads. grips: whether the goal
-        under way moves them.
-        """
-        touched = {pad: _touched_by(contacts, pad) for pad in self._params.pads}
+        """Take the contacts of a step; holding: the pads hold a thing, grips: a goal moves them."""
+        one, other = (_touched_by(contacts, pad) for pad in self._params.pads)
         close = {link for pad in self._params.pads for link in _near(contacts, pad, _APART)}
-        one, other = (touched[pad] for pad in self._params.pads)
         if grips:
-            self.between |= set(one) | set(other)
+            self.between |= {*one, *other}
         self.between &= close
         both = [link for link in one if link in other]
         if holding and both and self.held not in both:
             self.held = both[0]
-            near = set(_near(contacts, self.held, self._params.slow_within))
-            self.around = near & self._links
-            self.stood_on = set(_near(contacts, self.held, 1e-3)) - self._links
+            self.around = _near(contacts, self.held, self._params.slow_within) & self._links
+            self.stood_on = _near(contacts, self.held, 1e-3) - self._links
         elif not holding and self.held and self.held not in both:
             self.between.add(self.held)
             self.held, self.stood_on, self.around = "", set(), set()
-
-
-def _stoppable(brake: float, gap: float) -> float:
-    """Return the largest speed from which a link stops within a gap [m, m/s].
-
-    The path of reaction and braking, v·t + v²/2a, ends at the clearance. brake: a [m/s²].
-    """
-    before, room = brake * _REACTION, max(gap - _CLEARANCE, 0.0)
-    return math.sqrt(before**2 + 2.0 * brake * room) - before
 
 
 def _touched_by(contacts: Contacts, link: str) -> list[str]:
@@ -114,13 +105,22 @@ def _touched_by(contacts: Contacts, link: str) -> list[str]:
     return [name for _, name in sorted(touching)]
 
 
-def _near(contacts: Contacts, link: str, within: float) -> list[str]:
+def _near(contacts: Contacts, link: str, within: float) -> set[str]:
     rows = zip(contacts.pairs, contacts.distance, strict=True)
-    return [_other(pair, link) for pair, gap in rows if link in pair and gap < within]
+    return {_other(pair, link) for pair, gap in rows if link in pair and gap < within}
 
 
 def _other(pair: tuple[str, str], link: str) -> str:
     return pair[1] if pair[0] == link else pair[0]
+
+
+def _stoppable(brake: float, gap: float) -> float:
+    """Return the largest speed from which a link stops within a gap [m, m/s].
+
+    The path of reaction and braking, v·t + v²/2a, ends at the clearance. brake: a [m/s²].
+    """
+    before, room = brake * _REACTION, max(gap - _CLEARANCE, 0.0)
+    return math.sqrt(before**2 + 2.0 * brake * room) - before
 
 
 class CollisionMonitor:
@@ -129,10 +129,10 @@ class CollisionMonitor:
     The pads may touch `touches`, what is held until they have let go of it, and anything while they
     grip, but no harder than a grip takes, and where they do not grip, not press on it; what is held
     may touch `touches` and what it touched when it was taken; wheels and casters may touch the
-    ground. A touch that is there when a goal starts counts only once it becomes
-    harder, so that the robot can leave. Near things, other than what is held and moves along, slow
-    the arm down, so that each link can stop before it touches them; a link that passes by counts
-    with a share of its speed.
+    ground. A touch that is there when a goal starts counts only once it becomes harder, so that the
+    robot can leave. Near things, other than what is held and moves along, slow the arm down, so
+    that each link can stop before it touches them; a link that passes by counts with a share of its
+    speed.
 
     links: of the robot; base_links: those that only the base moves, not the arm. ignore: wheels and
     casters.
@@ -143,8 +143,8 @@ class CollisionMonitor:
         params: Params,
         *,
         links: frozenset[str],
-        base_links: frozenset[str] = frozenset(),
-        ignore: frozenset[str] = frozenset(),
+        base_links: frozenset[str],
+        ignore: frozenset[str],
     ) -> None:
         self._params = params
         self._links, self._base_links, self._ignore = links, base_links, ignore
@@ -183,7 +183,7 @@ class CollisionMonitor:
         """
         self._touches = frozenset(touches)
         self._grips, self._moves = grips, moves
-        self._known = {(row.ours, row.other): row.force for row in self._last if row.force > 0.0}
+        self._known = {row.pair: row.force for row in self._last if row.force > 0.0}
 
     def update(
         self,
@@ -191,14 +191,12 @@ class CollisionMonitor:
         *,
         holding: bool,
         dt: float,
-        speed_of: Callable[[str], tuple[float, float]] = lambda _: (1.0, 1.0),
+        speed_of: SpeedOf = lambda _: (1.0, 1.0),
         base_speed: float = 0.0,
     ) -> Watch:
-        """Check the contacts of a step, dt [s] after the one before.
+        """Check the contacts of a step, dt [s] after the last.
 
-        holding: whether the gripper holds something between its pads. speed_of: speed of a link of
-        the robot, or of what it holds, now and at the arm's full rate [m/s]. base_speed: of the
-        fastest point that the base moves [m/s].
+        holding: the pads hold a thing. base_speed: of the fastest point that the base moves [m/s].
         """
         self._learn_ground(contacts)
         self._follow_base(contacts, dt)
@@ -208,98 +206,73 @@ class CollisionMonitor:
             taken = {self.held} - {""}
             self._ours = self._links | taken
             self._special = self._ignore.union(self._params.pads, taken)
-        self._gaps = {(row.ours, row.other): row.distance for row in self._last}
+        self._gaps = {row.pair: row.distance for row in self._last}
         self._last = list(self._rows(contacts))
         watched = [row for row in self._last if not self._is_allowed(row)]
-        closing = self._closing = [row for row in watched if self._may_close(row)]
-        nearest = min(closing, key=lambda row: row.distance, default=None)
-        if nearest is not None and nearest.distance >= self._params.slow_within:
-            nearest = None
-        speeds = [self._speeds(row, speed_of) for row in closing]
-        closer = [
-            self._closer(row, dt * (now + base_speed))
-            for row, (now, _) in zip(closing, speeds, strict=True)
-        ]
-        shares = (
-            self._share(row, share * full)
-            for row, share, (_, full) in zip(closing, closer, speeds, strict=True)
-        )
-        scale = min(shares, default=1.0)
+        self._closing = [row for row in watched if self._may_close(row)]
+        close = [row for row in self._closing if row.distance < self._params.slow_within]
+        nearest = min(close, key=lambda row: row.distance, default=None)
+        scale, room = 1.0, math.inf
+        unexpected: list[tuple[Approach, float]] = []
+        for row in self._closing:
+            now, full = self._speeds(row, speed_of)
+            closer = self._closer(row, dt * (now + base_speed))
+            scale = min(scale, self._share(row, closer * full))
+            if not self.is_ours(row.other) and not self._leaves(row):
+                room = min(room, row.distance / closer)
+            if not (self._links.issuperset(row.pair) or self.is_base(row.ours)):
+                near = Approach(ours=row.ours, other=row.other, gap=max(row.distance, 0.0))
+                unexpected.append((near, self._left(row, now + base_speed, dt)))
         # What stands just beyond the range of the contacts can still be stopped before.
-        unseen = _stoppable(_STOP_HOLDING if self.held else _STOP, self.range)
+        unseen = _stoppable(self._hardest_brake, self.range)
         fastest = max((speed_of(pad)[1] for pad in self._params.pads), default=0.0)
         if fastest * scale > unseen and self._moves != "base":
             scale = unseen / fastest
-        rooms = [
-            row.distance / share
-            for row, share in zip(closing, closer, strict=True)
-            if not self.is_ours(row.other) and not self._leaves(row)
-        ]
         return Watch(
             collision=self._hardest([*watched, *self._pressed()]),
-            near=(nearest.ours, nearest.other) if nearest else None,
+            near=nearest.pair if nearest else None,
             gap=max(nearest.distance, 0.0) if nearest else self._params.slow_within,
-            room=max(min(rooms, default=math.inf), 0.0),
             scale=scale,
-            unexpected=self._unexpected(closing, dt, speed_of, base_speed),
+            room=min(max(room, 0.0), self.range),
+            unexpected=tuple(sorted(unexpected, key=lambda pair: pair[1])),
         )
 
-    def _unexpected(
-        self,
-        closing: list[_Row],
-        dt: float,
-        speed_of: Callable[[str], tuple[float, float]],
-        base_speed: float,
-    ) -> tuple[tuple[Approach, float], ...]:
-        """Return the pairs of `Watch.unexpected`; dt: since the last contacts [s].
+    @property
+    def _hardest_brake(self) -> float:
+        return _STOP_HOLDING if self.held else _STOP
 
-        What appears all of a sudden comes as fast as the link moves at all.
+    def _left(self, row: _Row, moves: float, dt: float) -> float:
+        """Return the distance that the hardest stop would leave, see `Watch.unexpected`.
+
+        What appears all of a sudden comes as fast as the link moves at all [m/s].
         """
-        brake = _STOP_HOLDING if self.held else _STOP
-        contacts = []
-        for row in closing:
-            if {row.ours, row.other} <= self._links or row.ours in self._base_links:
-                continue
-            before = self._gaps.get((row.ours, row.other))
-            if before is not None:
-                speed = max((before - row.distance) / dt, 0.0)
-            elif row.distance < self._params.contact_range - _SUDDEN:
-                speed = self._speeds(row, speed_of)[0] + base_speed
-            else:
-                speed = 0.0
-            left = row.distance - (speed * _REACTION + speed**2 / (2.0 * brake))
-            gap = max(row.distance, 0.0)
-            contacts.append((Approach(ours=row.ours, other=row.other, gap=gap), left))
-        return tuple(sorted(contacts, key=lambda pair: pair[1]))
+        before, speed = self._gaps.get(row.pair), 0.0
+        if before is not None:
+            speed = max((before - row.distance) / dt, 0.0)
+        elif row.distance < self.range - _SUDDEN:
+            speed = moves
+        return row.distance - (speed * _REACTION + speed**2 / (2.0 * self._hardest_brake))
 
-    def approach(self, *, besides: tuple[str, str] | None = None) -> Approach | None:
-        """Return the closest pair that has come closer in this step and is about to touch.
-
-        besides: a pair whose second link does not count. None: there is no such pair.
-        """
+    def approach(self, *, besides: str = "") -> Approach | None:
+        """Return the closest pair, other than with one link, that has just come all too close."""
         close = [
             row
             for row in self._closing
             if row.distance < self._params.base_halt
             and not self.is_ours(row.other)
             and not self._leaves(row)
-            and row.distance < self._gaps.get((row.ours, row.other), 0.0) - _CLOSER
-            and (besides is None or row.other != besides[1])
+            and row.distance < self._gaps.get(row.pair, 0.0) - _CLOSER
+            and row.other != besides
         ]
-        if not close:
+        nearest = min(close, key=lambda row: row.distance, default=None)
+        if nearest is None:
             return None
-        nearest = min(close, key=lambda row: row.distance)
         return Approach(ours=nearest.ours, other=nearest.other, gap=nearest.distance)
-
-    def measured(self, approach: Approach) -> Approach:
-        """Return an approach with the gap of this step."""
-        _, gap = self.touch((approach.ours, approach.other))
-        return replace(approach, gap=approach.gap if gap is None else gap)
 
     def touch(self, pair: tuple[str, str]) -> tuple[float, float | None]:
         """Return force [N] and distance [m] of a pair, the robot's link first; None: it is far."""
-        rows = [row for row in self._last if (row.ours, row.other) == pair]
-        return (rows[0].force, rows[0].distance) if rows else (0.0, None)
+        rows = ((row.force, row.distance) for row in self._last if row.pair == pair)
+        return next(rows, (0.0, None))
 
     def _share(self, row: _Row, closing: float) -> float:
         """Return the share of the full rate at which two links can stop before they touch.
@@ -315,16 +288,14 @@ class CollisionMonitor:
         speed = max(_stoppable(self._params.arm_brake, gap), creep)
         return min(speed / max(closing, 1e-9), 1.0)
 
-    def _speeds(
-        self, row: _Row, speed_of: Callable[[str], tuple[float, float]]
-    ) -> tuple[float, float]:
+    def _speeds(self, row: _Row, speed_of: SpeedOf) -> tuple[float, float]:
         """Return how fast two links move, now and at the arm's full rate [m/s]."""
-        speeds = [speed_of(link) for link in (row.ours, row.other) if self.is_ours(link)]
+        speeds = [speed_of(link) for link in row.pair if self.is_ours(link)]
         return sum(now for now, _ in speeds), sum(full for _, full in speeds)
 
     def _closer(self, row: _Row, moved: float) -> float:
         """Return by which share of the way that two links have moved they came closer [m]."""
-        before = self._gaps.get((row.ours, row.other))
+        before = self._gaps.get(row.pair)
         if before is None:
             # What has come from beyond the range may pass by.
             return _SIDEWAYS if row.distance >= self.range - _SUDDEN else 1.0
@@ -336,11 +307,11 @@ class CollisionMonitor:
             row
             for row in watched
             if row.force > self._params.collision_force
-            and row.force > self._known.get((row.ours, row.other), -1e9) + MORE_FORCE
+            and row.force > self._known.get(row.pair, -1e9) + MORE_FORCE
         ]
-        if not hard:
+        worst = max(hard, key=lambda row: row.force, default=None)
+        if worst is None:
             return None
-        worst = max(hard, key=lambda row: row.force)
         return Collision(ours=worst.ours, other=worst.other, force=worst.force)
 
     def _rows(self, contacts: Contacts) -> Iterator[_Row]:
@@ -357,51 +328,51 @@ class CollisionMonitor:
         """Return whether a link is the robot's, or held by it."""
         return link in self._ours
 
+    def is_base(self, link: str) -> bool:
+        """Return whether only the base moves a link."""
+        return link in self._base_links
+
+    def _learn_ground(self, contacts: Contacts) -> None:
+        """Record the links that wheels and casters touch at the start as the ground."""
+        if self._ground:
+            return
+        for pair, distance in zip(contacts.pairs, contacts.distance, strict=True):
+            if distance < _GROUND_WITHIN and self._ignore.intersection(pair):
+                self._ground.update(set(pair) - self._links)
+
     def _follow_base(self, contacts: Contacts, dt: float) -> None:
         """Record where the base is, and its velocity, by the points on which its wheels stand."""
-        before, self._feet = (
-            self._feet,
-            {
-                pair: at
-                for pair, at, gap in zip(
-                    contacts.pairs, contacts.position, contacts.distance, strict=True
-                )
-                if gap < _GROUND_WITHIN
-                and self._ignore.intersection(pair)
-                and self._ground.intersection(pair)
-            },
-        )
+        before = self._feet
+        rows = zip(contacts.pairs, contacts.position, contacts.distance, strict=True)
+        self._feet = {
+            pair: at for pair, at, gap in rows if gap < _GROUND_WITHIN and self._is_foot(pair)
+        }
         feet = [(at, before[pair]) for pair, at in self._feet.items() if pair in before]
         count = max(len(feet), 1)
         x, y = (sum(at[n] for at, _ in feet) / count for n in (0, 1))
         vx, vy = (sum(at[n] - was[n] for at, was in feet) / count / dt for n in (0, 1))
         self._middle, self._velocity = (x, y), (vx, vy)
 
+    def _is_foot(self, pair: Collection[str]) -> bool:
+        """Return whether a wheel or caster is near the ground."""
+        return not (self._ignore.isdisjoint(pair) or self._ground.isdisjoint(pair))
+
     def _leaves(self, row: _Row) -> bool:
         """Return whether the base drives away from something: to brake for it would not help."""
         (x, y), (vx, vy) = self._middle, self._velocity
         dx, dy = row.at[0] - x, row.at[1] - y
         speed = math.hypot(vx, vy)
-        closer = dx * vx + dy * vy
-        return (
-            self.is_base(row.ours)
-            and speed > _ROLLS
-            and closer < -_BEHIND * speed * math.hypot(dx, dy)
-        )
-
-    def is_base(self, link: str) -> bool:
-        """Return whether only the base moves a link."""
-        return link in self._base_links
+        behind = dx * vx + dy * vy < -_BEHIND * speed * math.hypot(dx, dy)
+        return self.is_base(row.ours) and speed > _ROLLS and behind
 
     def _is_allowed(self, row: _Row) -> bool:
-        if row.ours not in self._special and row.other not in self._special:
+        if self._special.isdisjoint(row.pair):
             return False
-        pair = {row.ours, row.other}
-        if pair & self._ignore and pair & self._ground:
+        pair = set(row.pair)
+        if self._is_foot(pair):
             return True
-        pads = pair.intersection(self._params.pads)
-        if pads:
-            others = pair - pads
+        others = pair.difference(self._params.pads)
+        if others != pair:
             soft = self._touches | self._grasp.between | {self.held}
             return self._grips or not others or bool(others & soft)
         if self.held in pair:
@@ -434,13 +405,4 @@ class CollisionMonitor:
         both_ours = self.is_ours(row.other)
         if self._moves == "base":
             return not both_ours
-        stands = self._moves == "arm" and row.ours in self._base_links
-        return both_ours or not stands
-
-    def _learn_ground(self, contacts: Contacts) -> None:
-        """Record the links that wheels and casters touch at the start as the ground."""
-        if self._ground:
-            return
-        for pair, distance in zip(contacts.pairs, contacts.distance, strict=True):
-            if distance < _GROUND_WITHIN and self._ignore.intersection(pair):
-                self._ground.update(set(pair) - self._links)
+        return both_ours or not (self._moves == "arm" and self.is_base(row.ours))

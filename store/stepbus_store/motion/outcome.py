@@ -23,10 +23,7 @@ from stepbus_store.cause import Cause
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """The end of a goal.
-
-    cause: one word for programs, empty for success. text: one sentence for people.
-    """
+    """The end of a goal; cause: one word for programs, text: one sentence for people."""
 
     state: Literal["succeeded", "failed"]
     cause: Cause | Literal[""] = ""
@@ -51,23 +48,24 @@ def failure_of(error: RunError) -> Outcome:
     return Outcome(state="failed", cause=cause, text=str(error))
 
 
-STANDING = BaseState(x=0.0, y=0.0, yaw=0.0, vx=0.0, wz=0.0)
-"""Of a robot whose base does not move."""
+_NO_BASE = BaseState(x=0.0, y=0.0, yaw=0.0, vx=0.0, wz=0.0)
+_NO_GRIPPER = GripperState(width=0.0, force=0.0, holding=False)
+"""Of a robot that has none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
     """The measurements of a step.
 
-    q, v, effort: of the arm's joints, shape (n,) [rad, rad/s, N·m]. effort, gripper, contacts: None
-    where nothing senses them.
+    q, v, effort: of the arm's joints, shape (n,) [rad, rad/s, N·m]. effort, contacts: None where
+    nothing senses them.
     """
 
     q: Vector
     v: Vector
     effort: Vector | None = None
-    base: BaseState = STANDING
-    gripper: GripperState | None = None
+    base: BaseState = _NO_BASE
+    gripper: GripperState = _NO_GRIPPER
     contacts: Contacts | None = None
 
 
@@ -81,6 +79,11 @@ class Reports:
     def status(self, number: int, state: GoalState, cause: str = "", text: str = "") -> None:
         """Add a status of a goal."""
         self._statuses.append(GoalStatus(id=number, state=state, cause=cause, text=text))
+
+    def go_on(self, number: int, text: str) -> None:
+        """Add a warning, and a status of the goal that goes on in spite of it."""
+        self.status(number, "running", text=text)
+        self.warn(text)
 
     def warn(self, *texts: str) -> None:
         """Add warnings; empty texts are none."""

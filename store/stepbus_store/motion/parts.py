@@ -1,12 +1,12 @@
 """The parts of a robot, and which of them carries out a goal."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from stepbus_kinematics import Vector
 from stepbus_schemas import Goal, GoalType, RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.back_to_rest import StowCondition
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.gripper import Gripper, Scale
 from stepbus_store.motion.manipulator import Manipulator
@@ -15,6 +15,7 @@ from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
 
 Part = Literal["arm", "base", "gripper", "all"]
+Ends = dict[Part, Outcome | None]
 
 PART_OF: Mapping[GoalType, Part] = {
     "move_joints": "arm",
@@ -39,16 +40,15 @@ MOVES: Mapping[Part, Moves] = {"arm": "arm", "gripper": "arm", "base": "base", "
 class Parts:
     """The parts of a robot; None: it has none.
 
-    navigator: plans routes of the base; None: it drives straight. stow: how the arm must be stowed
-    before the base moves; None: any way. scale: weighs what the gripper holds; None: it counts
-    nothing.
+    navigator: plans routes of the base; None: it drives straight. check_stowed: raises Refused
+    where the base must not move. scale: weighs what the gripper holds.
     """
 
     arm: Manipulator
     base: BaseMotion | None = None
     navigator: Navigator | None = None
     gripper: Gripper | None = None
-    stow: StowCondition | None = None
+    check_stowed: Callable[[Vector], None] | None = None
     scale: Scale | None = None
 
     def hold(self, now: Measured) -> None:
@@ -56,7 +56,7 @@ class Parts:
         self.arm.hold(now.q)
         if self.base is not None:
             self.base.hold(now.base)
-        if self.gripper is not None and now.gripper is not None:
+        if self.gripper is not None:
             self.gripper.hold(now.gripper)
 
     def interrupt(self, now: Measured) -> None:
@@ -66,22 +66,23 @@ class Parts:
             self.navigator.cancel()
         if self.base is not None:
             self.base.interrupt(now.base)
-        if self.gripper is not None and now.gripper is not None:
+        if self.gripper is not None:
             self.gripper.interrupt(now.gripper)
 
     def start(self, part: Part, goal: Goal, now: Measured, t: float, held: str) -> str:
         """Start a goal at a time [s] and return a sentence; raises Refused."""
         match part:
             case "arm":
-                return self.arm.start(goal, now.q, now.base, t, held=held)
+                return self.arm.start(goal, now, t, held=held)
             case "base" if self.base is not None:
-                if self.stow is not None:
-                    self.stow.check(now.q)
-                if self.navigator is None and goal.type == "go_together":
-                    raise Refused(Cause.INVALID, "go_together needs a planner")
-                if self.navigator is not None and goal.type in {"go_to", "go_together"}:
+                if self.check_stowed is not None:
+                    self.check_stowed(now.q)
+                if self.navigator is None:
+                    if goal.type == "go_together":
+                        raise Refused(Cause.INVALID, "go_together needs a planner")
+                elif goal.type in {"go_to", "go_together"}:
                     return self.navigator.start(goal, held, t, now.base)
-                if self.navigator is not None:
+                else:
                     self.navigator.cancel()
                 return self.base.start(goal, now.base)
             case "gripper" if self.gripper is not None:
@@ -93,40 +94,30 @@ class Parts:
         raise Refused(Cause.INVALID, f"this robot has no {part} for goals of type {goal.type}")
 
     def advance(self, dt: float, scale: float, gap: float) -> None:
-        """Move arm and base on by dt [s].
-
-        scale: of the arm's speed, 0 to 1. gap: within which the base could stop [m].
-        """
+        """Move on by dt [s]: the arm at a scale of 0 to 1, a base that could stop in a gap [m]."""
         self.arm.advance(dt, scale)
         if self.base is not None:
             self.base.advance(dt, gap)
 
     def secure(self, now: Measured, dt: float) -> None:
-        """Grip what is held as hard as it needs, and move with its weight.
-
-        dt: time since the step before [s].
-        """
+        """Grip what is held as hard as it needs, and move with its weight; dt: as `advance`."""
         gripper, scale = self.gripper, self.scale
-        if gripper is None or now.gripper is None:
+        if gripper is None or scale is None:
             return
-        if scale is None or not gripper.holds:
-            load = 0.0
-            if scale is not None:
-                scale.clear()
+        if not gripper.holds:
+            scale.clear()
         elif now.effort is not None and self.base_rests():
-            load = scale.weigh(now.q, now.v, now.effort, dt)
-        else:
-            load = scale.load
-        gripper.secure(load)
-        self.arm.carry(load)
+            scale.weigh(now.q, now.v, now.effort, dt)
+        gripper.secure(scale.load)
+        self.arm.carry(scale.load)
 
-    def check(self, now: Measured, t: float) -> dict[Part, Outcome | None]:
+    def check(self, now: Measured, t: float) -> Ends:
         """Return how the goal of each part ended at a time [s], once it has."""
-        ends: dict[Part, Outcome | None] = {"arm": self.arm.check(now.q, now.v, t)}
+        ends: Ends = {"arm": self.arm.check(now.q, now.v, t)}
         if self.base is not None:
             end = self.base.check(now.base)
             ends["base"] = end if self.navigator is None else self.navigator.check(end, t)
-        if self.gripper is not None and now.gripper is not None:
+        if self.gripper is not None:
             ends["gripper"] = self.gripper.check(now.gripper, t)
         return ends
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,8 +31,7 @@ class PlannerSearch:
     """The candidates of a goal, and what the planner is asked about the current one.
 
     rest: where the arm waits, shape (n,) [rad]. bases: poses of the base at which the path has to
-    be free; empty: where it stands. request_id, asked_at: of the newest request; its
-    time [s].
+    be free; empty: where it stands. request_id, asked_at: of the newest request; its time [s].
     """
 
     goal: Goal
@@ -43,7 +42,7 @@ class PlannerSearch:
     bases: Sequence[Point]
     request_id: int
     asked_at: float = 0.0
-    refusals: list[str] = field(default_factory=list)
+    refused: int = 0
 
 
 class PlannerQueries:
@@ -76,9 +75,8 @@ class PlannerQueries:
 
     def next_id(self) -> int:
         """Return the id of a new request."""
-        number = self._next_id
         self._next_id += 1
-        return number
+        return self._next_id - 1
 
     def pop(self) -> PlanRequest | None:
         """Return what to send to the planner, once."""
@@ -97,19 +95,14 @@ class PlannerQueries:
         text = f"the planner has not answered for {self._timeout:g} s"
         return Refused(Cause.NO_PLAN, f"{text}; is it running?")
 
-    def answered(self, plan: Plan) -> PlannerSearch | None:
-        """Return the search that a plan answers; None: it is an older one's."""
-        search = self.search
-        return search if search is not None and plan.id == search.request_id else None
-
     def try_next(self, search: PlannerSearch, problem: Refused, t: float) -> Refused | None:
         """Ask about the next candidate; return the refusal of the goal where there is none."""
-        search.refusals.append(str(problem))
+        search.refused += 1
         candidate = next(search.candidates, None)
         if candidate is None:
             self.cancel()
-            count = len(search.refusals)
-            tried = f"{count} solutions were tried; the last: " if count > 1 else ""
+            several = f"{search.refused} solutions were tried; the last: "
+            tried = several if search.refused > 1 else ""
             return Refused(problem.cause, f"{tried}{problem}")
         search.candidate, search.request_id = candidate, self.next_id()
         self.ask(search, t)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
-from stepbus_schemas import Plan, RunError
+from stepbus_schemas import Plan
 from stepbus_store.cause import Cause
 from stepbus_store.motion.fitting import is_strong_enough, sampled
 from stepbus_store.motion.follow import JointPath
@@ -21,27 +21,24 @@ from stepbus_store.motion.joint_motion import (
 from stepbus_store.motion.outcome import Refused
 from stepbus_store.motion.trajectory import AtRest, Joined, Retimed, Timed, Trajectory
 
+_TOLERANCE = 1e-3
+"""How far from where it should a plan may start and end [rad]."""
 
-def planned(
-    plan: Plan, start: Vector, goal: Vector, robot: RobotModel, *, tolerance: float = 1e-3
-) -> Timed:
+
+def planned(plan: Plan, start: Vector, goal: Vector, robot: RobotModel) -> Timed:
     """Return the motion of a plan, cubic between its samples.
 
-    start, goal: where it must start and end, shape (n,) [rad], within `tolerance` [rad].
-    Raises Refused with cause bad_plan for a plan from or to elsewhere.
+    start, goal: where it must start and end, shape (n,) [rad]. Raises Refused with cause bad_plan
+    for a plan from or to elsewhere.
     """
-    u, q, slope = (
-        np.array(row, dtype=np.float64) for row in (plan.times, plan.position, plan.velocity)
-    )
+    rows = (plan.times, plan.position, plan.velocity)
+    u, q, slope = (np.array(row, dtype=np.float64) for row in rows)
     for name, wanted, got in (("start", start, q[0]), ("end", goal, q[-1])):
         worst = int(np.argmax(np.abs(got - wanted)))
-        if abs(got[worst] - wanted[worst]) > tolerance:
+        if abs(got[worst] - wanted[worst]) > _TOLERANCE:
             joint, unit = robot.joints[worst], robot.unit(robot.joints[worst])
-            raise Refused(
-                Cause.BAD_PLAN,
-                f"plan {plan.id} has its {name} at {got[worst]:.4f} {unit} for {joint}, "
-                f"not at {wanted[worst]:.4f} {unit}",
-            )
+            text = f"plan {plan.id} has its {name} at {got[worst]:.4f} {unit} for {joint}"
+            raise Refused(Cause.BAD_PLAN, f"{text}, not at {wanted[worst]:.4f} {unit}")
     # From exactly where the arm is: the error of rounding fades on the path.
     share = (u / u[-1])[:, np.newaxis]
     q += (1.0 - share) * (start - q[0]) + share * (goal - q[-1])
@@ -75,7 +72,7 @@ def stop_on_path(trajectory: Trajectory, s: float, rate: float, limits: MotionLi
 
     s: its time now [s]. rate: at which that runs. limits: of the joints.
     """
-    now = JointMotion(position=np.array([s]), velocity=np.array([rate]), acceleration=np.zeros(1))
+    now = JointMotion.of_one(s, rate, 0.0)
     speed = np.maximum(np.abs(trajectory.at(s).velocity), 1e-9)
     hardest = float((limits.acceleration / speed).min()), float((limits.jerk / speed).min())
     for share in _ON_PATH:
@@ -108,26 +105,17 @@ class MotionPlayer:
         self._hardest = (options.brake_acceleration, options.brake_jerk)
         self._tip = options.tip
         self.clock = MotionClock(limits.acceleration, limits.jerk)
-        self._trajectory: Trajectory | None = None
+        self.trajectory: Trajectory = AtRest(np.zeros(len(robot.joints)))
+        """The motion under way."""
         self._known: tuple[Trajectory | None, dict[float, JointMotion]] = None, {}
         self.ignores_scale = False
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """Return the motion under way; raises RunError before `hold`."""
-        if self._trajectory is None:
-            raise RunError("the joints have not been measured yet")
-        return self._trajectory
 
     def late(self, t: float) -> float:
         """Return the time since the end of the motion [s]; below 0: it is under way."""
         return self.clock.time_at(t) - self.trajectory.duration
 
     def advance(self, dt: float, scale: float) -> Vector:
-        """Move the clock on by dt [s], its rate approaching scale; return the joints, shape (n,).
-
-        scale: 0 (stand) to 1. The rate changes so that the joints keep their acceleration limits.
-        """
+        """Move the clock on by dt [s], its rate approaching a scale of 0 to 1; return joints."""
         wanted = 1.0 if self.ignores_scale else min(max(scale, 0.0), 1.0)
         self.clock.advance(dt, wanted, self.trajectory)
         self._known = None, {}
@@ -135,12 +123,11 @@ class MotionPlayer:
 
     def _at(self, s: float) -> JointMotion:
         """Return the joints at a time of the motion [s]; a step asks for few, each many times."""
-        trajectory = self.trajectory
-        if self._known[0] is not trajectory:
-            self._known = trajectory, {}
+        if self._known[0] is not self.trajectory:
+            self._known = self.trajectory, {}
         known = self._known[1]
         if s not in known:
-            known[s] = trajectory.at(s)
+            known[s] = self.trajectory.at(s)
         return known[s]
 
     def at(self, t: float) -> JointMotion:
@@ -172,7 +159,7 @@ class MotionPlayer:
     def start(self, trajectory: Trajectory) -> None:
         """Start a motion now; where the joints stand still, the clock keeps its rate."""
         moving = bool(trajectory.at(0.0).velocity.any())
-        self._trajectory = trajectory
+        self.trajectory = trajectory
         self.clock.restart(1.0 if moving else self.clock.rate)
         self.ignores_scale = False
 
@@ -199,8 +186,8 @@ class MotionPlayer:
 
         The path has been checked, the other stop leaves it.
         """
-        motion: Trajectory = self._hard_stop(now, holds) if hard else stop_from(now, self._limits)
-        if self._collisions is None or not self._touches(self._collisions, motion):
+        motion = self._hard_stop(now, holds) if hard else stop_from(now, self._limits)
+        if not self._touches(motion):
             return motion
         limits = self._limits.at_least(*self._hardest)
         on_path = stop_on_path(self.trajectory, self.clock.s, self.clock.rate, limits)
@@ -219,17 +206,17 @@ class MotionPlayer:
                 return motion
         return stop_from(now, self._limits)
 
-    def _touches(self, collisions: SelfCollisions, motion: Trajectory) -> bool:
-        first, *states = sampled(motion, least=20)
-        if collisions.any(first.position):
+    def _touches(self, motion: Trajectory) -> bool:
+        """Return whether a motion leads from where the robot does not touch itself to a touch."""
+        if self._collisions is None:
             return False
-        return any(collisions.any(state.position) for state in states)
+        first, *states = (state.position for state in sampled(motion, least=20))
+        return not self._collisions.any(first) and any(map(self._collisions.any, states))
 
     def then(self, parts: Sequence[Trajectory]) -> None:
         """Append motions to the braking under way; where it is over, start them."""
-        braking = self.trajectory
-        if self.clock.s < braking.duration:
-            self._trajectory = Joined([braking, *parts])
+        if self.clock.s < self.trajectory.duration:
+            self.trajectory = Joined([self.trajectory, *parts])
             self.ignores_scale = False
         else:
             self.start(Joined(parts))

@@ -1,6 +1,6 @@
 """How an arm, or a base, gets away from what it has touched."""
 
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 
 from stepbus_schemas import BaseState, Goal
 from stepbus_store.cause import Cause
@@ -38,6 +38,7 @@ class ArmRetreat:
         return Outcome(state="failed", cause=self.cause, text=f"{self.text}{behind}")
 
 
+@dataclass(kw_only=True)
 class BaseBackOff:
     """Backs a base off from a collision, and measures how far that went.
 
@@ -45,55 +46,51 @@ class BaseBackOff:
     segment under way, or less, if it comes close to something else; 0: it stays.
     """
 
-    def __init__(
-        self,
-        base: BaseMotion,
-        monitor: CollisionMonitor,
-        goal: Goal,
-        collision: Collision,
-        distance: float,
-    ) -> None:
-        self._base = base
-        self._monitor = monitor
-        self._goal = goal
-        self._collision = collision
-        self._start: BaseState | None = None
-        self._obstacle = ""
-        base.halt()
-        self._goes_back = distance > 0.0 and base.back_off(distance)
+    base: BaseMotion
+    monitor: CollisionMonitor
+    goal: Goal
+    collision: Collision
+    distance: InitVar[float]
+    goes_back: bool = False
+    start: BaseState | None = None
+    obstacle: str = ""
+
+    def __post_init__(self, distance: float) -> None:
+        self.base.halt()
+        self.goes_back = distance > 0.0 and self.base.back_off(distance)
 
     def check(self, collision: Collision | None) -> Outcome | None:
         """Return the end of the goal once the base stands; collision: one that has just started."""
-        if self._base.is_halting:
+        if self.base.is_halting:
             return None
-        if self._start is None:
-            self._start = self._base.state
-            self._monitor.start(self._goal.touches, moves="base")
-        elif not self._obstacle:
+        if self.start is None:
+            self.start = self.base.state
+            self.monitor.start(self.goal.touches, moves="base")
+        elif not self.obstacle:
             self._look_back(collision)
-        if self._base.is_moving:
+        if self.base.is_moving:
             return None
-        text = f"{self._collision}; stopped{self._measured(self._start)}"
+        text = f"{self.collision}; stopped{self._measured(self.start)}"
         return Outcome(state="failed", cause=Cause.COLLISION, text=text)
 
     def _look_back(self, collision: Collision | None) -> None:
         """Halt for what comes close while the base goes back."""
-        near = self._monitor.approach(besides=self._collision.pair)
+        near = self.monitor.approach(besides=self.collision.other)
         if collision is not None:
-            self._obstacle = f"then {collision}"
+            self.obstacle = f"then {collision}"
         elif near is not None:
-            self._obstacle = f"then {near} behind it"
-        if self._obstacle:
-            self._base.halt()
+            self.obstacle = f"then {near} behind it"
+        if self.obstacle:
+            self.base.halt()
 
     def _measured(self, start: BaseState) -> str:
-        force, gap = self._monitor.touch(self._collision.pair)
-        length = self._base.travelled(start)
-        went = f", backed off {length * 1e3:.0f} mm by odometry" if self._goes_back else ""
+        force, gap = self.monitor.touch(self.collision.pair)
+        length = self.base.travelled(start)
+        went = f", backed off {length * 1e3:.0f} mm by odometry" if self.goes_back else ""
         if force > 0.0:
             now = f"still touches it with {force:.1f} N"
         elif gap is None:
             now = "nothing is near it"
         else:
             now = f"now {gap * 1e3:.1f} mm from it"
-        return f"{went}{', ' if self._obstacle else ''}{self._obstacle}, {now}"
+        return f"{went}{', ' if self.obstacle else ''}{self.obstacle}, {now}"

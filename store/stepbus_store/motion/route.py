@@ -26,10 +26,7 @@ from stepbus_store.poses import wrapped
 
 @dataclass(frozen=True, kw_only=True)
 class BaseRoute:
-    """The segments of a goal.
-
-    target: pose to stand at, x, y, yaw [m, rad]; None: wherever the last segment ends.
-    """
+    """The segments of a goal; target: pose to stand at [m, rad]; None: wherever the last ends."""
 
     segments: deque[PlannedSegment]
     text: str
@@ -45,18 +42,27 @@ def base_route(
     it, closer to its target than twice `position` [m], the base only turns. Raises Refused for a
     goal that makes no sense.
     """
-    if goal.type == "drive":
+    if goal.type in {"drive", "turn"}:
         _refuse_odd("by", goal.by)
-        return BaseRoute(segments=deque([straight(goal.by)]), text=f"drive {goal.by:.3f} m")
-    if goal.type == "turn":
-        _refuse_odd("by", goal.by)
+        if goal.type == "drive":
+            return BaseRoute(segments=deque([straight(goal.by)]), text=f"drive {goal.by:.3f} m")
         text = f"turn by {math.degrees(goal.by):.1f}°"
         return BaseRoute(segments=deque([turn_by(goal.by)]), text=text)
     if goal.type not in {"go_to", "go_together"} or goal.base is None:
         raise Refused(Cause.INVALID, f"type {goal.type} needs base: x, y, yaw")
     for name, value in zip(("x", "y", "yaw"), goal.base, strict=True):
         _refuse_odd(name, value)
-    return _route_by(route, goal.base, state) if route else _route_to(goal.base, state, position)
+    x, y, yaw = goal.base
+    places = [(state.x, state.y), *(route or [goal.base])]
+    length = sum(math.dist(a[:2], b[:2]) for a, b in pairwise(places))
+    text = f"go {length:.3f} m to x {x:.3f} m, y {y:.3f} m, yaw {math.degrees(yaw):.1f}°"
+    segments: deque[PlannedSegment] = deque()
+    if route:
+        _add_route(segments, route, (state.x, state.y, state.yaw))
+    elif length > 2 * position:
+        _line(segments, (state.x, state.y, state.yaw), goal.base, None)
+    segments.append(turn_to(yaw))
+    return BaseRoute(segments=segments, text=text, target=goal.base)
 
 
 def first_part(start: Point, route: Sequence[Point], length: float) -> list[Point] | None:
@@ -80,10 +86,9 @@ def _between(a: Point, b: Point, share: float) -> Point:
     return (x, y, math.atan2(b[1] - a[1], b[0] - a[0]))
 
 
-def _route_by(route: Sequence[Point], target: Point, state: BaseState) -> BaseRoute:
-    """Return the segments along a planned route: arcs where they fit, else lines and turns."""
-    segments: deque[PlannedSegment] = deque()
-    now, direction, driven = (state.x, state.y, state.yaw), 0, 0
+def _add_route(segments: deque[PlannedSegment], route: Sequence[Point], now: Point) -> None:
+    """Add the segments along a planned route: arcs where they fit, else lines and turns."""
+    direction, driven = 0, 0
     arcs: list[Point] = []
     for n, pose in enumerate(route):
         end, direction = pose, arc_direction(now, pose)
@@ -99,11 +104,6 @@ def _route_by(route: Sequence[Point], target: Point, state: BaseState) -> BaseRo
         now = end
     if arcs:
         segments.append(curve(arcs, back=driven < 0))
-    segments.append(turn_to(target[2]))
-    x, y, yaw = target
-    length = sum(math.dist(a[:2], b[:2]) for a, b in pairwise([(state.x, state.y), *route]))
-    text = f"go {length:.3f} m to x {x:.3f} m, y {y:.3f} m, yaw {math.degrees(yaw):.1f}°"
-    return BaseRoute(segments=segments, text=text, target=target)
 
 
 def _line(segments: deque[PlannedSegment], now: Point, pose: Point, after: Point | None) -> Point:
@@ -123,17 +123,6 @@ def _line(segments: deque[PlannedSegment], now: Point, pose: Point, after: Point
     return (x, y, heading)
 
 
-def _route_to(target: tuple[float, float, float], state: BaseState, position: float) -> BaseRoute:
-    x, y, yaw = target
-    length = math.hypot(x - state.x, y - state.y)
-    text = f"go {length:.3f} m to x {x:.3f} m, y {y:.3f} m, yaw {math.degrees(yaw):.1f}°"
-    segments: deque[PlannedSegment] = deque()
-    if length > 2 * position:
-        _line(segments, (state.x, state.y, state.yaw), target, None)
-    segments.append(turn_to(yaw))
-    return BaseRoute(segments=segments, text=text, target=target)
-
-
 def _turning(yaw: float, last: float, heading: float) -> float:
     """Return how much the base turns in all to drive at a heading and end at `last` [rad]."""
     return abs(wrapped(heading - yaw)) + abs(wrapped(last - heading))
@@ -143,6 +132,5 @@ def _refuse_odd(name: str, value: float) -> None:
     if not math.isfinite(value):
         raise Refused(Cause.INVALID, f"{name} is {value}, not a finite number")
     if abs(value) > FARTHEST:
-        raise Refused(
-            Cause.INVALID, f"{name} is {value:g}; more than {FARTHEST:g} m or rad is too far"
-        )
+        text = f"{name} is {value:g}; more than {FARTHEST:g} m or rad is too far"
+        raise Refused(Cause.INVALID, text)

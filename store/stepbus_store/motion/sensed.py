@@ -50,19 +50,20 @@ class Approach(Pair):
 class Watch:
     """The contacts and gaps of a step.
 
-    collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
-    not touch, and `gap` its distance [m]; None: nothing is near. unexpected: the pairs of which one
-    is no link of the robot, and the distance that the hardest stop of the arm would leave, below 0:
-    it would not; the least one first. room: for the base, the distance to the closest thing, longer
-    for what it passes by [m]. scale: share of the full speed, 0 to 1.
+    collision: the hardest forbidden touch. near: the closest pair that must not touch, and `gap`
+    its distance [m]; None: nothing is near. scale: share of the full speed, 0 to 1. room: for the
+    base, the distance to the closest thing, longer for what it passes by; what contacts do not
+    report may be just beyond their range [m]. unexpected: the pairs of which one is no link of the
+    robot, and what the hardest stop would leave of each gap, below 0: it is too weak [m]; the least
+    one first.
     """
 
-    collision: Collision | None
-    near: tuple[str, str] | None
-    gap: float
-    scale: float
+    collision: Collision | None = None
+    near: tuple[str, str] | None = None
+    gap: float = math.inf
+    scale: float = 1.0
     room: float = math.inf
-    unexpected: tuple[tuple[Approach, float], ...] = ()
+    unexpected: Sequence[tuple[Approach, float]] = ()
 
 
 _SAME_PLACE = 0.02
@@ -74,9 +75,6 @@ _NOISE = (2e-4, 0.1)
 
 _ON_LINE = 1e-3
 """A line, which may lead close past things, ends before it is nearer than this [m]."""
-
-Unexpected = Sequence[tuple[Approach, float]]
-"""Pairs of the robot with something else, and what the hardest stop would leave of each gap [m]."""
 
 
 class SensedThings:
@@ -96,20 +94,20 @@ class SensedThings:
         """Return the things that have stopped the arm."""
         return frozenset(self._places)
 
-    def update(self, unexpected: Unexpected, *, is_moving: bool) -> None:
+    def update(self, watch: Watch, *, is_moving: bool) -> None:
         """Update with the pairs of a step; is_moving: the arm moves."""
-        others = {near.other for near, _ in unexpected}
+        others = {near.other for near, _ in watch.unexpected}
         self._places = {other: at for other, at in self._places.items() if other in others}
         if not is_moving:
-            self._at_rest = {near.pair: near.gap for near, _ in unexpected}
+            self._at_rest = {near.pair: near.gap for near, _ in watch.unexpected}
 
-    def hindrance(self, unexpected: Unexpected, *, on_plan: bool) -> Approach | None:
+    def hindrance(self, watch: Watch, *, on_plan: bool) -> Approach | None:
         """Return the obstacle to stop for; None: none. on_plan: the arm is on a planner's path.
 
         What is close from the start on may stay so, but not come closer. On a line, only what has
         stopped the arm before counts.
         """
-        for near, left in unexpected:
+        for near, left in watch.unexpected:
             start = self._at_rest.get(near.pair)
             if near.other in self._places:
                 least = self._stop_within if on_plan else _ON_LINE
@@ -123,10 +121,7 @@ class SensedThings:
         return None
 
     def remember(self, near: Approach, place: Vector) -> bool:
-        """Remember what has stopped a link at a place, shape (3,) [m].
-
-        Return whether it has stopped that link there before.
-        """
+        """Remember what stopped a link at a place, shape (3,) [m]; return whether it did before."""
         links = self._places.setdefault(near.other, {})
         before = links.get(near.ours)
         links[near.ours] = place, near.gap

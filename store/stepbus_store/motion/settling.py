@@ -14,10 +14,7 @@ from stepbus_store.motion.trajectory import Trajectory
 
 
 class SettleWatch:
-    """Watches the joints that a motion moves, from its end on.
-
-    tip: frame whose error is reported; empty: errors of joints only.
-    """
+    """Watches the joints that a motion moves, from its end on; tip: its error is reported, too."""
 
     def __init__(
         self, robot: RobotModel, settling: JointParams, trajectory: Trajectory, tip: str = ""
@@ -28,17 +25,13 @@ class SettleWatch:
         self._target = trajectory.at(trajectory.duration).position
         shift = self._target - trajectory.at(0.0).position
         self._moved = np.flatnonzero(shift) if shift.any() else np.arange(len(shift))
-        self._ended_at: float | None = None
         self._steps = 0
 
-    def check(self, q: Vector, v: Vector, t: float, late: float) -> Outcome | None:
+    def check(self, q: Vector, v: Vector, late: float) -> Outcome | None:
         """Return how the motion ended, once it has.
 
-        q, v: measured, shape (n,) [rad, rad/s], at a time t [s]. late: time since the end of the
-        motion, for the first call [s].
+        q, v: measured, shape (n,) [rad, rad/s]. late: time since the end of the motion [s].
         """
-        self._ended_at = t - late if self._ended_at is None else self._ended_at
-        late = t - self._ended_at
         settling, error = self._settling, (self._target - q)[self._moved]
         is_there = float(np.abs(error).max()) <= settling.settle_position
         is_still = float(np.abs(v[self._moved]).max()) <= settling.settle_velocity
@@ -57,16 +50,15 @@ class SettleWatch:
         text = f"{joint} is {_shown(self._robot, joint, off, 3)}"
         if not self._tip:
             return f"{text} off"
-        wanted, got = (
-            self._robot.frame_pose(joints, self._tip).translation for joints in (self._target, q)
-        )
+        wanted, got = (self._robot.frame_pose(x, self._tip).translation for x in (self._target, q))
         miss = float(np.linalg.norm(wanted - got)) * 1e3
         return f"{text} and {self._tip} {miss:.2f} mm off"
 
 
 def _shown(robot: RobotModel, joint: str, off: float, digits: int) -> str:
-    slides = robot.unit(joint) == "m"
-    return f"{1e3 * off:.{digits}f} mm" if slides else f"{math.degrees(off):.{digits}f}°"
+    if robot.unit(joint) == "m":
+        return f"{1e3 * off:.{digits}f} mm"
+    return f"{math.degrees(off):.{digits}f}°"
 
 
 _FULL = 0.95
@@ -87,7 +79,7 @@ class JamWatch:
         self._robot = robot
         self._lag, self._period = lag, period
         self._sent: Vector | None = None
-        self._late = np.zeros(len(robot.joints))
+        self._behind = self._late = np.zeros(len(robot.joints))
 
     def command(self, sent: JointMotion) -> None:
         """Store the command that leads to the next measurement."""
@@ -97,16 +89,15 @@ class JamWatch:
         """Return which joints do not follow, shape (n,) of bool; q: measured, shape (n,)."""
         if self._sent is None:
             return np.zeros(len(q), dtype=bool)
-        behind = np.abs(self._sent - q)
+        behind = self._behind = np.abs(self._sent - q)
         self._late = np.where(behind > _LASTING * self._lag, self._late + self._period, 0.0)
         return (behind > self._lag) | (self._late >= _PATIENCE)
 
-    def text(self, q: Vector, effort: Vector | None) -> str:
+    def text(self, effort: Vector | None) -> str:
         """Return a sentence on the joint that is furthest behind; effort: measured [N·m, N]."""
-        behind = np.zeros_like(q) if self._sent is None else self._sent - q
-        worst = int(np.argmax(np.abs(behind)))
-        joint, off = self._robot.joints[worst], float(abs(behind[worst]))
-        text = f"{_shown(self._robot, joint, off, 1)} behind"
+        worst = int(np.argmax(self._behind))
+        joint = self._robot.joints[worst]
+        text = f"{_shown(self._robot, joint, float(self._behind[worst]), 1)} behind"
         most = float(self._robot.effort_limit[worst])
         if effort is not None and abs(float(effort[worst])) > _FULL * most:
             text += f" at its limit of {most:.0f} {self._robot.effort_unit(joint)}"

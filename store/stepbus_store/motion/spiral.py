@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics import RobotModel, SelfCollisions, Vector
+from stepbus_kinematics import Vector
 from stepbus_schemas import Goal
 from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
@@ -53,14 +53,9 @@ class SpiralCurve:
         lift, lifting = self._lift(share)
         x, y, z = self.centre
         point = np.array([x + radius * cos, y + radius * sin, z + share * self.rise + lift])
-        velocity = np.array(
-            [
-                widening * cos - radius * sweep * sin,
-                widening * sin + radius * sweep * cos,
-                self.rise + lifting,
-            ]
-        )
-        return pin.SE3(self.rotation, point), velocity
+        vx = widening * cos - radius * sweep * sin
+        vy = widening * sin + radius * sweep * cos
+        return pin.SE3(self.rotation, point), np.array([vx, vy, self.rise + lifting])
 
     def _lift(self, share: float) -> tuple[float, float]:
         """Return the height that is added, and its derivative by the share."""
@@ -102,22 +97,10 @@ _MOST_STARTS = 16
 
 
 class SpiralPlanner:
-    """Finds joints along spirals, for each solution at the first point.
+    """Finds joints along spirals, for each solution at the first point; turn_radius: see `line`."""
 
-    turn_radius: length that a turn of 1 rad counts on the line to the end [m]. collisions: of the
-    robot with itself; None: not checked.
-    """
-
-    def __init__(
-        self,
-        robot: RobotModel,
-        solver: BranchSolver,
-        turn_radius: float,
-        collisions: SelfCollisions | None = None,
-    ) -> None:
-        self._robot = robot
-        self._collisions = collisions
-        self._solver = solver
+    def __init__(self, solver: BranchSolver, turn_radius: float) -> None:
+        self._robot, self._solver = solver.robot, solver
         self._turn_radius = turn_radius
 
     def solve(self, goal: Goal, frame: Any, target: Any, q: Vector) -> Iterator[Candidate]:
@@ -134,12 +117,12 @@ class SpiralPlanner:
             try:
                 candidate = self._path(goal.tip, spiral, start, target)
                 for path in candidate.paths:
-                    check_path(path, self._collisions)
+                    check_path(path, self._solver.collisions)
             except Refused as exc:
                 problem = problem or exc
-                continue
-            works = True
-            yield candidate
+            else:
+                works = True
+                yield candidate
         if not works and problem is not None:
             raise problem
 
@@ -150,11 +133,11 @@ class SpiralPlanner:
         numbers = (*wanted.centre, *wanted.radius, wanted.turns, wanted.rise)
         is_small = all(abs(number) <= FARTHEST for number in numbers)
         if not (is_small and min(wanted.radius) > 0 and 0 < abs(wanted.turns) <= _MOST_TURNS):
-            raise Refused(
-                Cause.INVALID,
-                f"radius {wanted.radius}, turns {wanted.turns:g} and rise {wanted.rise:g} make no "
-                f"spiral: radii above 0 and up to {_MOST_TURNS} turns, other than 0, are needed",
+            text = (
+                f"radius {wanted.radius}, turns {wanted.turns:g} and rise {wanted.rise:g} make no"
             )
+            needs = f"radii above 0 and up to {_MOST_TURNS} turns, other than 0, are needed"
+            raise Refused(Cause.INVALID, f"{text} spiral: {needs}")
         centre = frame.act(np.array(wanted.centre))
         beside = self._robot.frame_pose(q, goal.tip).translation - centre
         # From the side where the tip is; right above the centre any side is as good.

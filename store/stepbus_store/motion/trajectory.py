@@ -34,10 +34,7 @@ class Timed:
 
 
 class Retimed:
-    """The same path, with the time of a trajectory as another motion has it.
-
-    timing: of one coordinate, the trajectory's time [s].
-    """
+    """The same path, with the time of a trajectory as the motion of that time has it [s]."""
 
     def __init__(self, trajectory: Trajectory, timing: Motion) -> None:
         self._trajectory = trajectory
@@ -57,10 +54,7 @@ class Retimed:
 
 
 def along_path(path: JointPath, limits: MotionLimits) -> Trajectory:
-    """Return the motion along a path from rest to rest, its parameter timed by ruckig.
-
-    limits: of the parameter, shape (1,) [1/s, 1/s², 1/s³].
-    """
+    """Return the motion along a path from rest to rest; limits: of its parameter, shape (1,)."""
     timing = motion_to(JointMotion.at_rest(path.u[:1].copy()), path.u[-1:].copy(), limits)
     return Retimed(Timed(path), timing)
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 
-from stepbus_kinematics import SelfCollisions
 from stepbus_participant import Config, Ports, Step, installed_version
 from stepbus_schemas import Description, Goal, JointState, Message
 from stepbus_store.memory import Remembering
 from stepbus_store.motion.arm.params import Params
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.joint_motion import ManipulatorOptions
-from stepbus_store.motion.manipulator_setup import make_limits, make_manipulator, make_robot
+from stepbus_store.motion.manipulator import Manipulator
+from stepbus_store.motion.manipulator_setup import make_collisions, make_limits, make_robot
 from stepbus_store.motion.outcome import JointSensor, Measured
 from stepbus_store.motion.parts import Parts
 
@@ -37,14 +37,10 @@ class ArmController(Remembering):
         params = self._params = config.read(Params, ports.problems)
         problems = config.problems().below(("params",))
         self._robot = make_robot(params, problems)
-        self._collisions, srdf, margin = None, params.srdf, params.collision_margin
-        if srdf is not None:
-            self._collisions = problems.attempt(
-                ("srdf",), lambda: SelfCollisions(self._robot, srdf, margin)
-            )
+        srdf, margin = params.srdf, params.collision_margin
+        self._collisions = make_collisions(self._robot, srdf, margin, problems)
         problems.refuse()
         self._now: Measured | None = None
-        self._goal_id = -1
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the commands."""
@@ -53,15 +49,12 @@ class ArmController(Remembering):
         return {port: Description(names=names) for port in ports if port is not None}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Map the joints by name and take the plant's effort limits.
-
-        Raises WiringError for joints that the plant does not sense.
-        """
+        """Put the arm together; raises WiringError for joints that the plant does not sense."""
         params, robot, port = self._params, self._robot, self._state_port
         self._sensor = JointSensor(
             port, inputs[port], robot, period=self._period, prefix=params.prefix
         )
-        self._manipulator = make_manipulator(
+        self._manipulator = Manipulator(
             robot,
             make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
             params,
@@ -79,30 +72,23 @@ class ArmController(Remembering):
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the targets of this step, and what is new about the goal."""
         if step.is_new(self._state_port):
-            self._sense(step)
-        now = self._now
-        if now is None:
+            now = self._sensor.read(step.read(self._state_port, JointState))
+            if self._now is None:
+                self._executor.hold(now)
+            self._now = now
+            self._executor.check(now, step.t, self._period)
+        if self._now is None:
             return {}
-        goal = step.get(self._goal_port, Goal)
-        if goal is not None and goal.id != self._goal_id:
-            self._goal_id = goal.id
-            self._executor.start(goal, step.t)
+        self._executor.start(step.get(self._goal_port, Goal), step.t)
         target = self._manipulator.at(step.t)
         messages: dict[str, Message] = {self._command_port: target.command()}
         status = self._executor.reports.next_status()
         if status is not None:
             messages[self._goal_status_port] = status
         if self._status_port is not None:
-            error = target.position - now.q
+            error = target.position - self._now.q
             messages[self._status_port] = self._executor.reports.controller_status(error)
         return messages
-
-    def _sense(self, step: Step) -> None:
-        now = self._sensor.read(step.read(self._state_port, JointState))
-        if self._now is None:
-            self._executor.hold(now)
-        self._now = now
-        self._executor.check(now, step.t, self._period)
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the motion."""

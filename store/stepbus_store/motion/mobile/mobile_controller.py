@@ -5,18 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import msgspec
 
-from stepbus_kinematics import RobotModel, SelfCollisions
-from stepbus_participant import (
-    Config,
-    Ports,
-    Problems,
-    Step,
-    installed_version,
-    suggest,
-)
+from stepbus_kinematics import RobotModel
+from stepbus_participant import Config, Ports, Problems, Step, installed_version, suggest
 from stepbus_schemas import (
     BaseState,
     Contacts,
@@ -32,12 +26,13 @@ from stepbus_schemas import (
 )
 from stepbus_store.cause import Cause
 from stepbus_store.memory import Remembering
-from stepbus_store.motion.back_to_rest import StowCondition
+from stepbus_store.motion.back_to_rest import check_stowed
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
 from stepbus_store.motion.joint_motion import ManipulatorOptions
-from stepbus_store.motion.manipulator_setup import make_limits, make_manipulator, make_robot
+from stepbus_store.motion.manipulator import Manipulator
+from stepbus_store.motion.manipulator_setup import make_collisions, make_limits, make_robot
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.navigator import Navigator
@@ -99,16 +94,11 @@ class MobileController(Remembering):
         problems = config.problems().below(("params",))
         self.robot = robot = make_robot(params, problems, params.posture)
         self._monitor = _monitor(params, robot, problems)
-        self._collisions: SelfCollisions | None = None
         srdf, margin = params.srdf, params.collision_margin
-        if srdf is not None:
-            self._collisions = problems.attempt(
-                ("srdf",), lambda: SelfCollisions(robot, srdf, margin)
-            )
+        self._collisions = make_collisions(robot, srdf, margin, problems)
         problems.refuse()
         self._period = config.every * config.step_ns * 1e-9
         self._is_held = False
-        self._goal_id = -1
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of commands and plans."""
@@ -117,17 +107,14 @@ class MobileController(Remembering):
         return {port: Description(names=names) for port in ports if port is not None}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Map the joints by name and take the plant's effort limits.
-
-        Raises WiringError for joints that the plant does not sense.
-        """
+        """Put the arm together; raises WiringError for joints that the plant does not sense."""
         params, robot, port = self._params, self.robot, self._ports.joint_state
         has_planner = self._ports.plan is not None
         self._sensor = JointSensor(
             port, inputs[port], robot, period=self._period, prefix=params.prefix
         )
         limits = make_limits(params, robot, params.acceleration_limit, params.jerk_limit)
-        self._arm = arm = make_manipulator(
+        self._arm = arm = Manipulator(
             robot,
             replace(limits, jerk=_PLANNED_JERK * limits.jerk),
             params,
@@ -150,16 +137,13 @@ class MobileController(Remembering):
             self._navigator = Navigator(
                 self._base, arm.queries.next_id, params.plan_timeout, params.base_step
             )
-        stow = StowCondition(
-            robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
-        )
         self._executor = GoalExecutor(
             Parts(
                 arm=arm,
                 base=self._base,
                 navigator=self._navigator,
                 gripper=self._gripper,
-                stow=stow,
+                check_stowed=partial(check_stowed, robot, params),
                 scale=Scale(robot, params.tip),
             ),
             self._monitor if self._ports.contacts is not None else None,
@@ -186,10 +170,7 @@ class MobileController(Remembering):
         elif not is_first:
             self._executor.check(now, step.t, self._period)
         self._take_plan(step)
-        goal = step.get(self._ports.goal, Goal)
-        if goal is not None and goal.id != self._goal_id:
-            self._goal_id = goal.id
-            self._executor.start(goal, step.t)
+        self._executor.start(step.get(self._ports.goal, Goal), step.t)
         return self._messages(step, now, is_stopped=is_stopped)
 
     def _sense(self, step: Step) -> Measured | None:
@@ -256,18 +237,17 @@ class MobileController(Remembering):
 
 def _check(arm: Measured, base: BaseState, gripper: GripperState) -> None:
     """Raise RunError for a measurement that is no finite number."""
+    joints = [*arm.q.tolist(), *arm.v.tolist()]
+    if arm.effort is not None:
+        joints += arm.effort.tolist()
     rows = {
-        "the joints": (
-            *arm.q.tolist(),
-            *arm.v.tolist(),
-            *(() if arm.effort is None else arm.effort.tolist()),
-        ),
-        "the base": (base.x, base.y, base.yaw, base.vx, base.wz),
-        "the gripper": (gripper.width, gripper.force, gripper.slip),
+        "the joints": joints,
+        "the base": [base.x, base.y, base.yaw, base.vx, base.wz],
+        "the gripper": [gripper.width, gripper.force, gripper.slip],
     }
     for name, row in rows.items():
         if not math.isfinite(sum(row)):
-            raise RunError(f"the measurements of {name} are not finite: {list(row)}")
+            raise RunError(f"the measurements of {name} are not finite: {row}")
 
 
 def _monitor(params: Params, robot: RobotModel, problems: Problems) -> CollisionMonitor:

@@ -5,7 +5,6 @@ import pytest
 from support.services.manipulator import (
     HOME,
     PERIOD,
-    STANDING,
     Log,
     Stage,
     make_arm,
@@ -17,6 +16,7 @@ from support.services.ur5 import ASIDE, SPIRAL, TIP, joints_goal, tips
 from stepbus_schemas import Plan
 from stepbus_schemas.messages import Spiral
 from stepbus_store.motion.joint_motion import JointMotion, motion_to
+from stepbus_store.motion.outcome import Measured
 
 
 def good_planner(robot):
@@ -74,7 +74,8 @@ def test_four_postures_are_tried_before_a_pose_has_no_path(robot):
 def test_beside_a_base_that_drives_no_posture_far_away_is_tried(robot):
     stage = Stage(planned_arm(robot), answer=bad_planner)
     goal = pose_goal("move_to_pose", [0.5, 0.2, 0.35])
-    stage.arm.start(goal, stage.q, STANDING, stage.t, bases=[(0.0, 0.0, 0.0)])
+    now = Measured(q=stage.q, v=stage.v)
+    stage.arm.start(goal, now, stage.t, bases=[(0.0, 0.0, 0.0)])
     log = stage.run()
     far = [np.linalg.norm(np.subtract(request.goal, HOME)) for request in stage.requests]
     assert log.outcome.state == "failed"

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.services.manipulator import JOINTS, STANDING, Stage, make_limits, pose_goal
+from support.services.manipulator import JOINTS, Stage, make_limits, pose_goal
 from support.store_paths import SCENARIOS
 
 from stepbus_kinematics import RobotModel, SelfCollisions, collision_geometry
@@ -15,8 +15,8 @@ from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.candidates import CandidateFinder
 from stepbus_store.motion.joint_motion import JointMotion, ManipulatorOptions, motion_to
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator_setup import make_manipulator
-from stepbus_store.motion.outcome import Refused
+from stepbus_store.motion.manipulator import Manipulator
+from stepbus_store.motion.outcome import Measured, Refused
 from stepbus_store.motion.player import MotionPlayer, stop_on_path
 
 STORE = SCENARIOS / "store"
@@ -38,7 +38,7 @@ def collisions(robot):
 
 @pytest.fixture(params=[True, False], ids=["planner", "no planner"])
 def stage(request, robot, collisions):
-    arm = make_manipulator(
+    arm = Manipulator(
         robot,
         make_limits(robot),
         JointParams(model=Path(), joints=(), settle_timeout=0.5),
@@ -60,9 +60,8 @@ def spiral(x, radius):
 
 def candidates(robot, collisions, goal):
     options = ManipulatorOptions(period=0.008, tip="grasp")
-    solver = BranchSolver(robot, effort_share=options.effort_share, seed=0)
-    finder = CandidateFinder(robot, solver, options, collisions)
-    return finder.candidates(goal, READY, READY, STANDING)
+    solver = BranchSolver(robot, effort_share=options.effort_share, seed=0, collisions=collisions)
+    return CandidateFinder(solver, options).candidates(goal, READY, Measured(q=READY, v=0 * READY))
 
 
 def touches(robot, candidate):

@@ -13,7 +13,7 @@ from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.ik_search import InverseKinematics
 from stepbus_store.motion.joint_motion import JointMotion, ManipulatorOptions, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.manipulator_setup import make_manipulator
+from stepbus_store.motion.manipulator import Manipulator
 from stepbus_store.motion.outcome import Measured
 from stepbus_store.motion.parts import Parts
 
@@ -59,7 +59,7 @@ class Runner:
         limits = MotionLimits(velocity=2 * one, acceleration=4 * one, jerk=40 * one)
         settling = JointParams(model=Path(), joints=(), settle_steps=3, settle_timeout=0.5)
         options = ManipulatorOptions(period=PERIOD, tip="", effort_share=1.0)
-        self.arm = make_manipulator(
+        self.arm = Manipulator(
             robot, limits, settling, options, seed=0, tries_unholdable=tries_unholdable
         )
         self._executor = GoalExecutor(Parts(arm=self.arm))

@@ -17,8 +17,7 @@ from stepbus_schemas import BaseState, Goal, JointCommand, Plan, PlanRequest
 from stepbus_store.motion.joint_motion import ManipulatorOptions, MotionLimits
 from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.manipulator import Manipulator
-from stepbus_store.motion.manipulator_setup import make_manipulator
-from stepbus_store.motion.outcome import Outcome
+from stepbus_store.motion.outcome import Measured, Outcome
 
 JOINTS = (
     "shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
@@ -56,9 +55,7 @@ def make_arm(
 ) -> Manipulator:
     settling = JointParams(model=Path(), joints=(), settle_timeout=settle_timeout)
     given = ManipulatorOptions(**{"period": PERIOD, "tip": "tool0", **options})
-    arm = make_manipulator(
-        robot, make_limits(robot), settling, given, seed=0, uses_planner=uses_planner
-    )
+    arm = Manipulator(robot, make_limits(robot), settling, given, seed=0, uses_planner=uses_planner)
     arm.hold(HOME)
     return arm
 
@@ -109,7 +106,8 @@ class Stage:
         self.requests: list[PlanRequest] = []
 
     def start(self, goal: Goal, base: BaseState = STANDING, held: str = "") -> str:
-        return self.arm.start(goal, self.q, base, self.t, held=held)
+        now = Measured(q=self.q, v=self.v, base=base)
+        return self.arm.start(goal, now, self.t, held=held)
 
     def step(self, log: Log, scale: float = 1.0) -> None:
         if self._plan is not None:
