@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from itertools import takewhile
+from math import inf
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -88,6 +89,7 @@ class Recorder(Sink):
         self._last_chain = b""
         self._calls_channel: int | None = None
         self._is_aborting = False
+        self._facts: deque[tuple[int, str, Mapping[str, str]]] = deque()
 
     def open_channels(
         self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
@@ -123,9 +125,15 @@ class Recorder(Sink):
                 )
         self._chain_channel = self._file.add_channel(layout.CHAIN_TOPIC, layout.CHAIN_TYPE, {})
 
-    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
-        """Write a metadata record."""
-        self._file.add_metadata(name, content)
+    def add_metadata(self, name: str, content: Mapping[str, str], before: int = 0) -> None:
+        """Write a metadata record, before the messages of a step: whatever has arrived by now."""
+        self._facts.append((before, name, content))
+        self._write_facts(self._next)
+
+    def _write_facts(self, step: float) -> None:
+        while self._facts and self._facts[0][0] <= step:
+            _, name, content = self._facts.popleft()
+            self._file.add_metadata(name, content)
 
     def write_call(self, call: CallRecord) -> None:
         """Write a call, before the outputs of its step."""
@@ -172,6 +180,7 @@ class Recorder(Sink):
             for step in range(min([self._next, *steps]), last + 1):
                 self.write_step(step, is_last=step == last)
         finally:
+            self._write_facts(inf)
             missing = {name: str(step) for name, step in self._missing.items()}
             has_begun = self._chain_channel is not None
             self._file.close(missing if has_begun else None)
@@ -184,6 +193,7 @@ class Recorder(Sink):
         is_last: whether it is due in any case, as at the closing step.
         """
         self._last_chain = b""
+        self._write_facts(step)
         messages: list[tuple[int, bytes]] = []
         try:
             try:

@@ -200,8 +200,8 @@ class Sink:
     ) -> None:
         """Take how the participants describe their outputs, and what they run on."""
 
-    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
-        """Write a fact about the run that is no message."""
+    def add_metadata(self, name: str, content: Mapping[str, str], before: int = 0) -> None:
+        """Write a fact about the run that is no message, before the messages of a step."""
 
     def add_call(self, call: CallRecord) -> None:
         """Write a call that changed something; all steps before its own are written (P15.5)."""

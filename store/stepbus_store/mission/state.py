@@ -43,7 +43,7 @@ _QUARTER = math.pi / 2
 _NARROW = 0.02
 """Room between an item and the pads of a gripper that opens no wider than it has to [m]."""
 
-ASIDES = (0.0, 0.3, -0.3, 0.5, -0.5, 0.65, -0.65)
+ASIDES = (0.0, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6)
 """How far from its place before a shelf, or the outlet, the base may stand along that [m]."""
 
 APPROACHES = (

@@ -62,9 +62,9 @@ _WAITS = 3.0
 _ASIDE = (0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """How far the base drives, or drives back, to give way [m]."""
 
-_CARRIED, _HELD, _SWEEP, _HIGH = 0.45, 0.15, 0.1, 0.8
-"""How far ahead of its axis the base carries something, what room that needs [m], every how much of
-a turn [rad], beside what is higher than that [m]."""
+_CARRIED, _HELD, _LEAST, _SWEEP, _HIGH = 0.45, 0.15, 0.1, 0.1, 0.8
+"""How far ahead of its axis the base carries something, what room that needs, and at least at both
+ends [m], every how much of a turn [rad], beside what is higher than that [m]."""
 
 _STRAIGHT = 1e-6
 """Change of the heading between two poses up to which the base drives straight [rad]."""
@@ -163,7 +163,7 @@ class BasePlanner:
             text = f"{near} is {gap:.2f} m from the goal; the base needs {self._radius:g} m to turn"
             return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text), math.inf
         if request.held and (near := self._in_hand(goal, outlines)):
-            text = f"{near} is less than {_HELD:g} m from what the hand holds at the goal"
+            text = f"{near} is less than {_LEAST:g} m from what the hand holds at the goal"
             return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text), math.inf
         out = self._escape(start, outlines)
         if out is None:
@@ -244,7 +244,7 @@ class BasePlanner:
         return is_clear and not (held and self._hits(route, outlines))
 
     def _hits(self, route: SmoothRoute, outlines: Sequence[Outline]) -> bool:
-        """Return whether what is held out comes too close to something high, but at the start."""
+        """Return whether what is held out comes too close to something high, but at both ends."""
         rows = [route.poses[0]]
         for (_, _, before), (x, y, yaw) in pairwise(route.poses):
             turn = wrapped(yaw - before)
@@ -254,14 +254,14 @@ class BasePlanner:
         headings = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
         places = poses[:, :2] + _CARRIED * headings
         gaps = (distances(places, row.corners) for row in outlines if row.top > _HIGH)
-        return any((gap < min(_HELD, gap[0] - 1e-3)).any() for gap in gaps)
+        return any((gap < min(_HELD, min(gap[0], gap[-1]) - 1e-3)).any() for gap in gaps)
 
     def _in_hand(self, pose: Point, outlines: Sequence[Outline]) -> str:
         """Return what is too near to a thing that is held out at a pose; empty: nothing."""
         x, y, yaw = pose
         place = np.array((x + _CARRIED * math.cos(yaw), y + _CARRIED * math.sin(yaw)))
         near, gap = _nearest([row for row in outlines if row.top > _HIGH], place)
-        return near if gap < _HELD else ""
+        return near if gap < _LEAST else ""
 
     def _outlines(
         self, placements: Mapping[str, Any], start: Point, skipped: set[str]

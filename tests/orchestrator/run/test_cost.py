@@ -16,7 +16,7 @@ def test_a_step_makes_no_more_calls_than_it_did(tmp_path):
     # The first run of a process imports much.
     _, few, many = (calls_of(tmp_path / str(n), "two_link", n) for n in (10, 200, 600))
     a_step = (many - few) / 400
-    assert 0.8 * LIMITS["two_link"] < a_step <= LIMITS["two_link"], f"{a_step:.0f} calls a step"
+    assert 0.75 * LIMITS["two_link"] < a_step <= LIMITS["two_link"], f"{a_step:.0f} calls a step"
 
 
 def calls_of(folder, scenario, steps):

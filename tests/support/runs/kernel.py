@@ -125,7 +125,7 @@ class Transcript(Sink):
     def text(self):
         return " ".join(self._written)
 
-    def add_metadata(self, name, content):
+    def add_metadata(self, name, content, before=0):
         self.ends.append(name)
 
     def write_step(self, step, closing=None):

@@ -179,6 +179,7 @@ class SafeStop(RunExtension):
         run.recorder.add_metadata(
             layout.FALLBACK_METADATA,
             {"participant": name, "first": str(first), "until": str(until)},
+            before=first,
         )
         run.timing.event("hold", name, f"steps {first} to {until - 1}")
         run.observer.event("error", name, first, f"{failure}; holding until step {until}")
