@@ -4,14 +4,7 @@ import random
 
 import stepbus
 from stepbus_participant import Config, Participant
-from stepbus_schemas import (
-    Description,
-    Image,
-    JointCommand,
-    JointReference,
-    JointState,
-    Message,
-)
+from stepbus_schemas import Description, Image, JointCommand, JointReference, JointState, Message
 
 PAIR = [0.25, 0.75]
 _IMAGES = 8

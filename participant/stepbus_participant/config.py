@@ -7,14 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from stepbus_schemas import (
-    SHIPPED,
-    InputConfig,
-    OutputConfig,
-    Types,
-    Welcome,
-    WiringError,
-)
+from stepbus_schemas import SHIPPED, InputConfig, OutputConfig, Types, Welcome, WiringError
 
 from .files import find_file
 from .parameters.problems import Problems

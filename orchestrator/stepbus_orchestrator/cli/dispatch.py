@@ -5,12 +5,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from cyclopts import (
-    CycloptsError,
-    MissingArgumentError,
-    UnknownOptionError,
-    UnusedCliTokensError,
-)
+from cyclopts import CycloptsError, MissingArgumentError, UnknownOptionError, UnusedCliTokensError
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import CommandBroken

@@ -16,12 +16,7 @@ from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.terminal.output import Answer, table
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.processes.slots import slot_counts
-from stepbus_orchestrator.run.describe import (
-    JointRow,
-    OutputPort,
-    ParticipantDescription,
-    describe,
-)
+from stepbus_orchestrator.run.describe import JointRow, OutputPort, ParticipantDescription, describe
 from stepbus_orchestrator.run.rehearse import rehearse
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.schedule import Schedule

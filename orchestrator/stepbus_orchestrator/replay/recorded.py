@@ -4,10 +4,7 @@ from collections.abc import Iterable, Iterator
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.recording.layout import (
-    CHAIN_TOPIC,
-    topic_of,
-)
+from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, topic_of
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_schemas import Description

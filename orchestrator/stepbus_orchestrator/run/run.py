@@ -7,12 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.errors import (
-    Interrupted,
-    ParticipantDied,
-    RunFailure,
-    StopTimeout,
-)
+from stepbus_orchestrator.errors import Interrupted, ParticipantDied, RunFailure, StopTimeout
 from stepbus_orchestrator.processes.child import TERM_GRACE_S
 from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder

@@ -13,13 +13,7 @@ from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.ports import InputSpec
 from stepbus_orchestrator.scenario.program import PYTHON, check_program
 from stepbus_orchestrator.scenario.schedule import sort
-from stepbus_participant import (
-    Problems,
-    declared_parameters,
-    extra_hint,
-    is_ours,
-    suggest,
-)
+from stepbus_participant import Problems, declared_parameters, extra_hint, is_ours, suggest
 from stepbus_participant.parameters import Keys, find_problems
 from stepbus_schemas import raw_problem
 

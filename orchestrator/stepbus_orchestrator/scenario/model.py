@@ -16,13 +16,7 @@ from msgspec import structs
 
 from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest
 from stepbus_participant.parameters import Keys, Pause
-from stepbus_schemas import (
-    SHIPPED,
-    BridgeFormat,
-    Description,
-    Types,
-    explained,
-)
+from stepbus_schemas import SHIPPED, BridgeFormat, Description, Types, explained
 
 from .ports import InputSpec, OutputSpec
 

@@ -12,14 +12,7 @@ from msgspec import structs
 
 from stepbus_orchestrator.plugins import points
 from stepbus_orchestrator.scenario.scenario_files import is_file
-from stepbus_participant import (
-    PARTICIPANTS,
-    ExtraMissing,
-    extra_hint,
-    is_installed,
-    lacks,
-    suggest,
-)
+from stepbus_participant import PARTICIPANTS, ExtraMissing, extra_hint, is_installed, lacks, suggest
 from stepbus_schemas import BridgeFormat, WiringError
 
 from .model import BridgeSpec, ParticipantSpec, Scenario

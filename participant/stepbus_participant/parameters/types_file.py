@@ -8,14 +8,7 @@ from typing import Any
 
 from stepbus_participant.files import find_file
 from stepbus_participant.packages import extra_hint
-from stepbus_schemas import (
-    Message,
-    Types,
-    class_declaration,
-    error_text,
-    type_name,
-    type_problems,
-)
+from stepbus_schemas import Message, Types, class_declaration, error_text, type_name, type_problems
 
 from .problems import Keys, Problems
 

@@ -18,14 +18,7 @@ from support.services.perception import (
 )
 
 from stepbus_kinematics import RobotModel
-from stepbus_schemas import (
-    Description,
-    Image,
-    JointState,
-    Poses,
-    RunError,
-    WiringError,
-)
+from stepbus_schemas import Description, Image, JointState, Poses, RunError, WiringError
 from stepbus_store.perception.item_catalog import read_catalog
 from stepbus_store.perception.perception import Perception
 from stepbus_store.perception.segments import Palette

@@ -67,6 +67,26 @@ def test_outputs_behind_the_closing_step_are_neither_recorded_nor_reported(recor
     assert warned == [("plant", "events", step) for step in range(3)]
 
 
+@pytest.mark.parametrize("ends", ["finish", "abort"])
+def test_a_fact_stands_before_the_messages_of_its_step_whatever_has_arrived(tmp_path, specs, ends):
+    files = []
+    for arrived in (0, 2, 3):
+        files.append(tmp_path / f"{arrived}.mcap")
+        recorder = Recorder(McapFile(files[-1]), specs, STEP_NS, None)
+        recorder.open_channels({}, {})
+        for step in range(5):
+            if step == arrived:
+                recorder.add_metadata("on_fault", {"first": "3"}, before=3)
+            recorder.offer("plant", outputs(step, events=WARNING))
+            recorder.write_below(step)
+        if ends == "finish":
+            recorder.finish(4, ["plant"])
+        else:
+            recorder.abort()
+    assert len({file.read_bytes() for file in files}) == 1
+    assert b"on_fault" in files[0].read_bytes()
+
+
 def test_those_who_do_not_close_publish_nothing_at_the_closing_step(recorder, path):
     recorder.offer("plant", outputs(0, events=WARNING))
     recorder.offer("controller", outputs(0, command=command()))

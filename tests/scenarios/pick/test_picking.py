@@ -12,14 +12,7 @@ from stepbus_kinematics import RobotModel
 from stepbus_scenarios.pick.mission import Pick
 from stepbus_scenarios.pick.picking import distance, motion, plan, spot_of, turn
 from stepbus_scenarios.pick.scara import Scara, Spot
-from stepbus_schemas import (
-    Description,
-    GripperState,
-    JointState,
-    Poses,
-    RunError,
-    WiringError,
-)
+from stepbus_schemas import Description, GripperState, JointState, Poses, RunError, WiringError
 
 MODEL = Path(stepbus_scenarios.__file__).parent / "pick/scara.urdf"
 JOINTS = ["shoulder", "elbow", "lift", "wrist"]

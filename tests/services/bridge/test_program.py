@@ -13,12 +13,7 @@ from stepbus.testing import feed
 from stepbus_bridge.bridge import BridgeError
 from stepbus_bridge.map_bridge import MapBridge
 from stepbus_bridge.raw_bridge import RawBridge
-from stepbus_schemas import (
-    Description,
-    JointCommand,
-    JointState,
-    WiringError,
-)
+from stepbus_schemas import Description, JointCommand, JointState, WiringError
 
 JOINTS = {"joint_state": Description(names=["knee", "hip"])}
 FORMS = ["json", "msgpack"]

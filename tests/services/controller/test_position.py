@@ -6,13 +6,7 @@ import pytest
 from support.services.control import make_config
 
 from stepbus_controller.position_controller import PositionController
-from stepbus_schemas import (
-    Description,
-    InputConfig,
-    JointReference,
-    JointState,
-    WiringError,
-)
+from stepbus_schemas import Description, InputConfig, JointReference, JointState, WiringError
 
 STEP_NS = 50_000_000
 

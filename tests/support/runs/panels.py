@@ -2,11 +2,7 @@
 
 import numpy as np
 
-from stepbus_schemas import (
-    JointCommand,
-    JointReference,
-    JointState,
-)
+from stepbus_schemas import JointCommand, JointReference, JointState
 from stepbus_tools.report.curves import JointCurves
 from stepbus_tools.signals import Signal, Tracking
 

@@ -17,14 +17,7 @@ from stepbus_orchestrator.run.player import Ports
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_participant import suggest
-from stepbus_schemas import (
-    SPOKEN,
-    Description,
-    Protocols,
-    Refusal,
-    Welcome,
-    WiringError,
-)
+from stepbus_schemas import SPOKEN, Description, Protocols, Refusal, Welcome, WiringError
 
 Feed = Mapping[str, Mapping[int, Ports]]
 """Source → step → its messages."""

@@ -11,11 +11,7 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.recording.index import Index
-from stepbus_orchestrator.recording.reader.port import (
-    PortInfo,
-    description_of,
-    recorded_types,
-)
+from stepbus_orchestrator.recording.reader.port import PortInfo, description_of, recorded_types
 from stepbus_orchestrator.recording.records import (
     HEAD,
     LOOSE,

@@ -23,14 +23,7 @@ from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.scenario.fault_texts import PROCESS_FAULTS, faults_of, format_fault
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import (
-    Clock,
-    Endpoint,
-    LoopbackBus,
-    Ticket,
-    import_participant,
-    main,
-)
+from stepbus_participant import Clock, Endpoint, LoopbackBus, Ticket, import_participant, main
 from stepbus_participant.session.exchange import Exchange
 from stepbus_schemas import SPOKEN, Batch, WiringError
 

@@ -5,12 +5,7 @@ import pytest
 from support.services.arm import JOINTS, write_arm
 from support.services.control import Stand, make_config
 
-from stepbus_schemas import (
-    Description,
-    Goal,
-    JointState,
-    WiringError,
-)
+from stepbus_schemas import Description, Goal, JointState, WiringError
 from stepbus_store.motion.arm.arm_controller import ArmController
 
 MS = 1_000_000

@@ -2,15 +2,7 @@
 
 import numpy as np
 import pytest
-from support.services.manipulator import (
-    HOME,
-    PERIOD,
-    Log,
-    Stage,
-    make_arm,
-    make_limits,
-    pose_goal,
-)
+from support.services.manipulator import HOME, PERIOD, Log, Stage, make_arm, make_limits, pose_goal
 from support.services.ur5 import ASIDE, SPIRAL, TIP, joints_goal, tips
 
 from stepbus_schemas import Plan

@@ -6,14 +6,7 @@ from types import MappingProxyType
 import numpy as np
 from support.services.control import Stand, make_config
 
-from stepbus_schemas import (
-    BaseState,
-    Contacts,
-    Description,
-    Goal,
-    GripperState,
-    JointState,
-)
+from stepbus_schemas import BaseState, Contacts, Description, Goal, GripperState, JointState
 from stepbus_store.motion.mobile.mobile_controller import MobileController
 
 MS = 1_000_000

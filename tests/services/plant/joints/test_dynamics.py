@@ -1,15 +1,7 @@
 import numpy as np
 import pinocchio
 import pytest
-from support.services.plant import (
-    MS,
-    TWO_LINK,
-    body,
-    digest,
-    drive,
-    make_plant,
-    swing,
-)
+from support.services.plant import MS, TWO_LINK, body, digest, drive, make_plant, swing
 from support.tools import needs_pybullet
 
 from stepbus_plant import SimulatedPlant
