@@ -76,10 +76,9 @@ _SAME = 1e-3
 class BasePlanner:
     """Plans for a disc around the base's origin, within which it may turn anywhere.
 
-    extra: by how much more than the parameters want the base keeps away [m], as far as it can at
-    both ends, shape (2,) each. Curves straight to the
-    goal where one is free; else by A* on a grid (Hart, Nilsson, Raphael 1968), whose corners are
-    then cut and rounded.
+    Curves straight to the goal where one is free; else by A* on a grid (Hart, Nilsson, Raphael
+    1968), whose corners are then cut and rounded. extra: by how much more than the parameters want
+    the base keeps away [m], as far as it can at both ends, shape (2,) each.
     """
 
     def __init__(
