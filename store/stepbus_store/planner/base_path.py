@@ -62,7 +62,7 @@ _WAITS = 3.0
 _ASIDE = (0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """How far the base drives, or drives back, to give way [m]."""
 
-_CARRIED, _HELD, _LEAST, _SWEEP, _HIGH = 0.45, 0.15, 0.1, 0.1, 0.8
+_CARRIED, _HELD, _LEAST, _SWEEP, _HIGH = 0.45, 0.15, 0.1, 0.1, 0.36
 """How far ahead of its axis the base carries something, what room that needs, and at least at both
 ends [m], every how much of a turn [rad], beside what is higher than that [m]."""
 
