@@ -20,6 +20,9 @@ _BRAKE, _REACTION = 4.0, 0.04
 _LOOK = 0.2
 """How long after something comes into view, or starts to move, that can be known [s]."""
 
+_STOOD = 1.0
+"""Nobody knows of something that has stood for that long that it is about to move [s]."""
+
 _AFTER = 1.5
 """For how long after the touch it would have to stand clear [s]."""
 
@@ -93,7 +96,8 @@ def avoidable(
 
 
 def _seen(rows: Mapping[int, tuple[Pose, Pose]], steps: Sequence[int]) -> int:
-    """Return when something moved for the first time, or was put elsewhere for the last."""
+    """Return when something was put where it is, or started to move after it had stood, at last."""
     far = {b: math.dist(rows[a][1][:2], rows[b][1][:2]) for a, b in pairwise(steps)}
-    first = next((step for step, moved in far.items() if moved > _MOVES), steps[0])
-    return max([first, *(step for step, moved in far.items() if moved > _JUMP)])
+    moves = [steps[0], *(step for step, moved in far.items() if moved > _MOVES)]
+    starts = [b for a, b in pairwise(moves) if b - a > _STOOD / STEP_S]
+    return max([moves[:2][-1], *starts, *(step for step in moves if far.get(step, 0.0) > _JUMP)])

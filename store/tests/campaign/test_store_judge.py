@@ -176,8 +176,13 @@ def test_what_braking_would_have_avoided_is_told_from_what_it_would_not():
     # It stops within 51 mm, at 4 m/s² and 0.04 s after it has decided to.
     assert when == 60
     assert "braking at step 60 would have avoided it" in " ".join(judge(meeting(0.5), SOLD))
-    # What appears 60 mm before it, and somebody who walks into a base that stands.
-    for found in (meeting(0.5, starts=60), meeting(0.0, walks=0.8)):
+    # What appears 60 mm before it, somebody who walks into a base that stands, and somebody who has
+    # stood for a second beside it.
+    for found in (
+        meeting(0.5, starts=60),
+        meeting(0.0, walks=0.8),
+        meeting(0.1, starts=200, walks=0.8),
+    ):
         ((step, when),) = touched(found).values()
         assert when is None
         excused = excuses(found, [])
