@@ -17,11 +17,9 @@ STEP_S = 0.016
 _BRAKE, _REACTION = 4.0, 0.04
 """Of a base at its limit [m/s²], and from a measurement to its effect [s]."""
 
-_LOOK = 0.2
-"""How long after something comes into view, or starts to move, that can be known [s]."""
-
-_STOOD = 1.0
-"""Nobody knows of something that has stood for that long that it is about to move [s]."""
+_LOOK, _STOOD = 0.2, 1.0
+"""How long after something comes into view, or starts to move after it has stood for that long,
+that can be known [s]."""
 
 _AFTER = 1.5
 """For how long after the touch it would have to stand clear [s]."""

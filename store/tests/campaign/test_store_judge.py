@@ -176,16 +176,11 @@ def test_what_braking_would_have_avoided_is_told_from_what_it_would_not():
     # It stops within 51 mm, at 4 m/s² and 0.04 s after it has decided to.
     assert when == 60
     assert "braking at step 60 would have avoided it" in " ".join(judge(meeting(0.5), SOLD))
-    # What appears 60 mm before it, somebody who walks into a base that stands, and somebody who has
-    # stood for a second beside it.
-    for found in (
-        meeting(0.5, starts=60),
-        meeting(0.0, walks=0.8),
-        meeting(0.1, starts=200, walks=0.8),
-    ):
-        ((step, when),) = touched(found).values()
+    # What appears 60 mm before it, and who walks into it, also after he has stood for a second.
+    near = {"speed": 0.5, "starts": 60}, {"speed": 0.0, "walks": 0.8}
+    for found in (meeting(**row) for row in (*near, {**near[1], "speed": 0.1, "starts": 200})):
+        ((step, when),), excused = touched(found).values(), excuses(found, [])
         assert when is None
-        excused = excuses(found, [])
         assert excused.ran_into == ["crate_box"]
         assert excused.overlaps == step
 
