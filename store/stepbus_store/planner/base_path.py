@@ -87,14 +87,19 @@ class BasePlanner:
         self._obstacles, self._params = obstacles, params
         self._radius, self._half_width = params.base_radius, params.base_half_width
         self._extra, self._ends = extra, ends
-        self._rooms: dict[int, float] = {}
 
-    def _more(self, row: Outline) -> float:
-        """Return by how much more than it has to be the base stays away from something [m]."""
-        if self._extra and id(row) not in self._rooms:
-            most = min(_distance(end, row) for end in self._ends) - self._radius
-            self._rooms[id(row)] = min(self._extra, max(most, 0.0))
-        return self._rooms.get(id(row), 0.0)
+    def _more(self, row: Outline, places: Vector) -> Vector | float:
+        """Return by how much more than it has to be the base stays away from something at places.
+
+        At an end it has what room it has there, and half as much more as it is away from that.
+        """
+        if not self._extra:
+            return 0.0
+        rooms = (
+            max(_distance(end, row) - self._radius, 0.0) + np.linalg.norm(places - end, axis=1) / 2
+            for end in self._ends
+        )
+        return np.asarray(np.minimum(self._extra, np.minimum(*rooms)))
 
     def mapped(self, request: PlanRequest, poses: Poses) -> list[Outline]:
         """Return the outlines of what the map has, in the frame of the request."""
@@ -237,7 +242,7 @@ class BasePlanner:
         turning = np.concatenate([turns[:1], turns[1:] | turns[:-1], turns[-1:]])
         needed = np.where(turning, self._radius, self._half_width)
         is_clear = all(
-            (distances(poses[:, :2], row.corners) >= needed + self._more(row)).all()
+            (distances(poses[:, :2], row.corners) >= needed + self._more(row, poses[:, :2])).all()
             for row in outlines
         )
         return is_clear and not (held and self._hits(route, outlines))
@@ -303,8 +308,8 @@ class BasePlanner:
         count = math.ceil(float(np.linalg.norm(b - a)) / _ALONG)
         line = np.linspace(a, b, count + 1)
         return all(
-            (distances(line, row.corners) >= self._half_width + self._more(row)).all()
-            and _distance(b, row) >= self._radius + self._more(row)
+            (distances(line, row.corners) >= self._half_width + self._more(row, line)).all()
+            and _distance(b, row) >= self._radius
             for row in outlines
         )
 
@@ -316,7 +321,7 @@ class BasePlanner:
         cells = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
         turns, drives = np.full(len(cells), True), np.full(len(cells), True)
         for row in outlines:
-            gaps = distances(cells, row.corners) - self._more(row)
+            gaps = distances(cells, row.corners) - self._more(row, cells)
             turns &= gaps >= self._radius
             drives &= gaps >= self._half_width
         grid, straight = turns.reshape(size), drives.reshape(size)
