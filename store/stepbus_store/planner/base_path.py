@@ -29,10 +29,8 @@ _AROUND = 1.5
 _FLOOR, _TOP = 0.02, 1.3
 """Heights between which a shape is in the way of the robot [m]."""
 
-_LONGEST_ESCAPE = 0.6
-"""How far the base drives straight to leave a place where it cannot turn [m]."""
-
-_ESCAPE_STEP = 0.02
+_LONGEST_ESCAPE, _ESCAPE_STEP = 0.6, 0.02
+"""How far, in which steps, the base drives straight to leave a place where it cannot turn [m]."""
 
 _ALONG = 0.01
 """Distance of the places at which a straight line is checked [m]."""
@@ -53,11 +51,9 @@ it has to be [m]."""
 _ENOUGH = 3
 """Routes around something after which no more are looked for."""
 
-_AT_CORNER = 4.0
-"""About how long a leg takes at whose end the base stops and turns [s]."""
-
-_WAITS = 3.0
-"""For that much time the base rather waits for somebody who has just stopped to go on [s]."""
+_AT_CORNER, _WAITS = 4.0, 3.0
+"""About how long a leg takes at whose end the base stops and turns; how much time of a detour it
+rather waits for somebody who has just stopped to go on [s]."""
 
 _ASIDE = (0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """How far the base drives, or drives back, to give way [m]."""
