@@ -179,8 +179,8 @@ class Recorder(Sink):
             # A chain may be due at a step at which no participant publishes.
             for step in range(min([self._next, *steps]), last + 1):
                 self.write_step(step, is_last=step == last)
-        finally:
             self._write_facts(inf)
+        finally:
             missing = {name: str(step) for name, step in self._missing.items()}
             has_begun = self._chain_channel is not None
             self._file.close(missing if has_begun else None)
