@@ -45,7 +45,7 @@ def test_sale_keeps_its_promises(
     if case.family.startswith("a post") and log.sold_after:
         sell(replace(case, script=[]), tmp_path / "undisturbed")
         alone = decoded(log_reader.read(tmp_path / "undisturbed" / "run.mcap"))
-        record_property("of undisturbed", log.sold_after / alone.sold_after)
+        record_property("of undisturbed", alone.sold_after and log.sold_after / alone.sold_after)
     broken = judge(log, result, case.killed, excused) + recorded.holes()
     if "Traceback (most recent call last)" in said:
         broken.append("a traceback is printed")

@@ -155,7 +155,7 @@ class RouteMonitor:
                 return f"{thing.link} is {gaps.min():.2f} m from the route, {far:.1f} m ahead"
         return ""
 
-    def is_over(self, view: LidarView) -> bool:
+    def is_needless(self, view: LidarView) -> bool:
         """Return whether the route is a detour around something that has gone."""
         ahead = self._places[self._next :, :2]
         straight = float(np.linalg.norm(ahead[-1] - ahead[0]))

@@ -259,7 +259,7 @@ class Planner(Remembering):
     def _check_route(self, messages: dict[str, Message], route: RouteMonitor, step: Step) -> None:
         """Report something that comes into the way of the base."""
         text = route.check(self._seen, step.read(self._odometry_port or "", BaseState))
-        if not text and route.is_over(self._view):
+        if not text and route.is_needless(self._view):
             text = "what it drives around has gone"
         if text:
             self._route = None

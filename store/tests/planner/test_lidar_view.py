@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.services.floor import box, scan_of
 
-from stepbus_schemas import BaseState, Description, PlanRequest, Poses
+from stepbus_schemas import BaseState, Description, PlanRequest
 from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.lidar_view import SEEN, LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles
@@ -102,16 +102,30 @@ def test_what_the_base_has_passed_hinders_it_no_more():
     assert watch.check(seen, drives(60)) == ""
 
 
-def plan(*boxes, goal=(2.0, 0.0, 0.0), before=None):
+@pytest.mark.parametrize(("there", "aside", "needless"), [(1, 1.2, 0), (0, 1.2, 1), (0, 0.0, 0)])
+def test_a_detour_around_what_has_gone_is_needless(there, aside, needless):
+    route = [(0.0, 0.0, 0.0), (0.0, aside, 0.0), (2.0, aside, 0.0), (2.0, 0.0, 0.0)]
+    watch, view = RouteMonitor(7, route, [box(1.2, 0.0)], PARAMS), LidarView({"front": MOUNT})
+    view.take("front", scan_of([(1.2, 0.0)] * there, HERE, MOUNT), HERE)
+    looks = [watch.is_needless(view) for _ in range(8)]
+    # It has to be seen for 0.3 s.
+    assert looks == [False] * 5 + [bool(needless)] * 3
+
+
+def plan(*boxes, goal=(2.0, 0.0, 0.0), before=None, held=""):
     """Return an answer; boxes: where each is; before: 0.3 s ago. It may give way."""
-    described = Description(names=["chassis"], details={"shape": [""], "body": ["robot"]})
-    planner = BasePlanner(Obstacles("poses", described, "chassis"), PARAMS)
-    request = PlanRequest(id=7, start=[], goal=[], base=((0.0, 0.0, 0.0), goal))
-    poses = Poses(position=[(0.0, 0.0, 0.0)], orientation=[(0.0, 0.0, 0.0, 1.0)])
     seen = Walkers()
     for t, places in ((0.0, before or boxes), (0.3, boxes)):
         seen.look([box(*at) for at in places], t)
-    return planner.plan(request, planner.mapped(request, poses), seen, may_give_way=True)
+    return plan_among(seen, goal, held)
+
+
+def plan_among(seen, goal=(2.0, 0.0, 0.0), held=""):
+    """Return an answer among what is seen; the base may give way."""
+    described = Description(names=["chassis"], details={"shape": [""], "body": ["robot"]})
+    planner = BasePlanner(Obstacles("poses", described, "chassis"), PARAMS)
+    request = PlanRequest(id=7, start=[], goal=[], held=held, base=((0.0, 0.0, 0.0), goal))
+    return planner.plan(request, [], seen, may_give_way=True)
 
 
 def test_a_route_leads_around_what_is_seen():
@@ -127,14 +141,25 @@ def test_a_place_where_something_stands_is_given_up_at_once():
     assert answer.text.startswith(f"{SEEN} is 0.")
 
 
+def test_a_goal_where_what_is_held_has_no_room_is_given_up():
+    there, goal = (0.85, 0.0), (0.2, 0.0, 0.0)
+    assert plan(there, goal=goal).cause == ""
+    answer = plan(there, goal=goal, held="can")
+    assert answer.cause == "goal_in_collision"
+    assert answer.text == f"{SEEN} is less than 0.1 m from what the hand holds at the goal"
+
+
 def test_it_waits_for_who_walks_there_or_has_just_stopped():
     assert plan((1.0, 0.6), before=[(1.0, 0.9)]).cause == "occupied"
     seen = Walkers()
     for t, y in ((0.0, 0.6), (0.3, 0.3), (0.6, 0.0), (1.0, 0.0), (1.4, 0.0)):
         seen.look([box(1.0, y)], t)
     assert (len(seen.pausing), seen.walking, seen.standing) == (1, [], [])
+    # A way around him takes longer than he is expected to stand.
+    assert plan_among(seen).cause == "occupied"
     seen.look([box(1.0, 0.0)], 4.0)
     assert (seen.pausing, seen.walking, len(seen.standing)) == ([], [], 1)
+    assert plan_among(seen).text.startswith("base: detour")
 
 
 def test_it_gives_way_to_who_walks_towards_where_it_stands():
