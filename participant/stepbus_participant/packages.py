@@ -30,6 +30,7 @@ EXTRAS = {
     "export": ("PIL", "av", "pandas", "pyarrow", "rosbags"),
     "sweep": ("optuna", "scipy", "uplot"),
     "cluster": ("ray",),
+    "coppelia": ("cbor2", "zmq"),
     "rerun": ("rerun",),
     "view": ("collada", "trimesh", "viser"),
     "gym": ("gymnasium",),

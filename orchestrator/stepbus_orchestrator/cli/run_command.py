@@ -84,7 +84,7 @@ def run_command(given: Run) -> int:
             else []
         )
         error = result.reason if result.exit_code else ""
-        Answer(value=result, lines=_summary(result, lines), error=error).show(as_json=given.json)
+        Answer(value=result, lines=summary(result, lines), error=error).show(as_json=given.json)
     return result.exit_code
 
 
@@ -151,7 +151,7 @@ def after_run(result: Result, *, has_plots: bool, is_interrupted: bool = False) 
     return lines
 
 
-def _summary(result: Result, lines: Sequence[str]) -> Iterator[str]:
+def summary(result: Result, lines: Sequence[str]) -> Iterator[str]:
     """Yield the lines of the summary; lines: of the recording."""
     why = "" if result.exit_code or result.reason == "finished" else f" ({result.reason})"
     yield (

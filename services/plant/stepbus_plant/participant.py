@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Mapping
 from functools import partial
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
 import msgspec
 
@@ -26,7 +26,7 @@ from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.poses import PLANOGRAM, Planogram, PoseSensor
 from stepbus_plant.push import PUSH
-from stepbus_plant.world_file import load_world
+from stepbus_plant.world_file import World, load_world
 from stepbus_schemas import Description, Event, Message, WiringError
 
 _STOP = "EmergencyStop/1"
@@ -56,7 +56,11 @@ class Plant(Participant):
     With `publishes: first`, it publishes the state of a step, then reads the command of that step
     and advances. With `publishes: last`, it reads the command, advances to the step, and publishes
     the state there; a command with `delay: 1` leads to the same states.
+
+    settings: the class of its parameters.
     """
+
+    settings: ClassVar[type[Params]] = Params
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
@@ -67,9 +71,8 @@ class Plant(Participant):
                     types = " or ".join(_TYPES[side])
                     text = f"{side} of a plant have type {types}, not {port.type}"
                     problems.add((side, name), text)
-        params = config.read(Params, problems)
-        wrong = problems.below(("params", "stock"))
-        world = load_world(params.world, params.stock, wrong, seed=config.seed)
+        params = config.read(self.settings, problems)
+        world = self.load(params, problems)
         self._period_ns = config.step_ns * config.every
         self.plant = SimulatedPlant(world, params, self._period_ns, config.seed, problems)
         for subject, text in self.plant.physics.notes:
@@ -85,6 +88,11 @@ class Plant(Participant):
         except WiringError:
             self.plant.close()
             raise
+
+    def load(self, params: Any, problems: Problems) -> World:
+        """Return the world that the parameters name; problems: of this participant so far."""
+        wrong = problems.below(("params", "stock"))
+        return load_world(params.world, params.stock, wrong, seed=self.config.seed)
 
     def _connect(self, params: Params, problems: Problems) -> None:
         """Find what each output shows, and the device of every command but those of joints.

@@ -1,0 +1,88 @@
+"""What a script draws: points and lines, as a message."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from stepbus_coppelia.clients import ApiError
+from stepbus_coppelia.functions.table import number, numbers
+from stepbus_schemas import Point
+
+FIRST = 2_280_010
+"""Their handles begin here."""
+_KINDS = {1: "lines", 2: "triangles", 3: "triangles", 8: "strip"}
+_COUNTS = {"lines": 2, "triangles": 3}
+"""Points of an item."""
+_CYCLIC, _FORM = 4096, 31
+
+
+@dataclass
+class _Drawing:
+    form: str
+    frame: str
+    size: float
+    colour: Point
+    points: list[Point]
+    most: int
+    is_cyclic: bool
+
+
+class Canvas:
+    """All drawing objects. is_new: whether they have changed since the last message."""
+
+    def __init__(self) -> None:
+        self._objects: dict[int, _Drawing] = {}
+        self._next = FIRST
+        # The first message of a simulation says that there is none.
+        self.is_new = True
+
+    def add(self, form: int, size: float, frame: str, most: int, colour: list[float] | None) -> int:
+        """Add an object of one form, in the frame of a link or of the world; return its handle.
+
+        size: [m], of lines [pixel]. most: items; 0: any number. colour: red, green, blue.
+        """
+        handle, self._next = self._next, self._next + 1
+        red, green, blue = numbers((colour or [0.0, 0.0, 0.0])[:3], 3)
+        kind = _KINDS.get(form & _FORM, "points")
+        self._objects[handle] = _Drawing(
+            kind, frame, number(size), (red, green, blue), [], most, bool(form & _CYCLIC)
+        )
+        self.is_new = True
+        return handle
+
+    def draw(self, handle: int, item: object) -> None:
+        """Add an item to an object; None: remove all of them."""
+        if (drawing := self._objects.get(handle)) is None:
+            raise ApiError("drawing object does not exist.")
+        points, count = drawing.points, _COUNTS.get(drawing.form, 1)
+        self.is_new = True
+        if item is None:
+            points.clear()
+            return
+        given = numbers(item)
+        if len(given) < 3 * count:
+            raise ApiError(f"an item of this drawing object has {3 * count} numbers.")
+        if drawing.most and len(points) >= drawing.most * count:
+            if not drawing.is_cyclic:
+                return
+            del points[:count]
+        points += [(given[n], given[n + 1], given[n + 2]) for n in range(0, 3 * count, 3)]
+
+    def remove(self, handle: int) -> None:
+        """Remove an object."""
+        if self._objects.pop(handle, None) is None:
+            raise ApiError("drawing object does not exist.")
+        self.is_new = True
+
+    def fields(self) -> dict[str, Any]:
+        """Return all of them as the fields of a `Drawings`; empty: nothing has changed."""
+        if not self.is_new:
+            return {}
+        self.is_new, rows = False, list(self._objects.values())
+        return {
+            "forms": [row.form for row in rows],
+            "frames": [row.frame for row in rows],
+            "sizes": [row.size for row in rows],
+            "colours": [row.colour for row in rows],
+            "counts": [len(row.points) for row in rows],
+            "points": [point for row in rows for point in row.points],
+        }

@@ -1,0 +1,54 @@
+"""What the gateway and its plant exchange beside joint states and joint commands."""
+
+from typing import Annotated
+
+from stepbus_schemas import Message, Point, Quaternion, meta
+
+
+class BodyStates(Message, frozen=True):
+    """True poses and velocities of the root links of the bodies that the description names."""
+
+    position: Annotated[list[Point], meta("position of the root's frame: x, y, z", "m", "n 3")]
+    orientation: Annotated[
+        list[Quaternion], meta("orientation of the root's frame: quaternion x, y, z, w", "-", "n 4")
+    ]
+    velocity: Annotated[list[Point], meta("velocity of the centre of mass", "m/s", "n 3")]
+    spin: Annotated[list[Point], meta("angular velocity", "rad/s", "n 3")]
+
+
+class SceneChange(Message, frozen=True):
+    """Changes of a scene that take effect at once, in this order."""
+
+    bodies: Annotated[list[str], meta("bodies that are put somewhere, at rest")] = []
+    position: Annotated[list[Point], meta("where the root's frame of each is put", "m", "k 3")] = []
+    orientation: Annotated[
+        list[Quaternion], meta("its orientation: quaternion x, y, z, w", "-", "k 4")
+    ] = []
+    joints: Annotated[list[str], meta("joints that are put somewhere, at rest")] = []
+    joint_position: Annotated[list[float], meta("where each is put", "rad", "j")] = []
+    held: Annotated[
+        list[str], meta("bodies that are fixed to the link `holders` from now on, as they are")
+    ] = []
+    holders: Annotated[list[str], meta("link that holds each; empty: it is let go", "", "h")] = []
+
+
+class RemoteCalls(Message, frozen=True):
+    """Calls of a script, in the order in which they were answered since the step before."""
+
+    calls: Annotated[list[str], meta("client, function and arguments of each")]
+
+
+class Drawings(Message, frozen=True):
+    """All that a script draws, when it changes: each object has one form and one colour."""
+
+    forms: Annotated[
+        list[str],
+        meta("points, lines (pairs of ends), triangles (corners), or strip (a polyline)", "", "k"),
+    ]
+    frames: Annotated[list[str], meta("link in whose frame it is; empty: the world", "", "k")]
+    sizes: Annotated[
+        list[float], meta("size of a point [m], or width of a line [pixel]", "m, pixel", "k")
+    ]
+    colours: Annotated[list[Point], meta("red, green, blue, 0 to 1", "-", "k 3")]
+    counts: Annotated[list[int], meta("number of points of each", "-", "k")]
+    points: Annotated[list[Point], meta("all points: x, y, z", "m", "j 3")]

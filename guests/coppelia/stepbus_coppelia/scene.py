@@ -1,0 +1,408 @@
+"""The scene as a script sees it: objects with handles, aliases and poses.
+
+It holds a second copy of the plant's world, which goes where the plant says that its bodies and
+joints are: whatever a script asks of poses, distances or images is computed from that.
+"""
+
+import itertools
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from typing import Any
+
+from stepbus_coppelia.clients import ApiError
+from stepbus_coppelia.messages import BodyStates
+from stepbus_participant import suggest
+from stepbus_plant.camera import Camera, Lens
+from stepbus_plant.engine import BASE, REST, Link
+from stepbus_plant.geometry import Geometry, Pose, quaternion
+from stepbus_plant.joint import Joint
+from stepbus_plant.params import CameraErrors
+from stepbus_plant.physics import Physics
+from stepbus_schemas import JointState, Point, Quaternion
+
+SHAPE, JOINT, DUMMY, PROXIMITY, VISION = 0, 1, 4, 5, 9
+"""CoppeliaSim's numbers for kinds of objects."""
+FIRST_HANDLE = 10
+NOWHERE: Pose = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+_MASK = 0xFFFFF
+"""Above are flags."""
+_EXACT = Geometry()
+_UP = (0.0, 0.0, 1.0)
+_INDEX, _COUNT = re.compile(r"\[(\d+)\]$"), re.compile(r"\{(\d+)\}$")
+
+
+@dataclass
+class SceneObject:
+    """An object.
+
+    handle, kind: numbers. alias: its name in paths. name: that of the link, joint, camera or sensor
+    in the world. parent: its handle; -1: none. link: what it moves with; None: its parent. pose: in
+    the frame of that. joint, camera, sensor: of an object of that kind. is_model: whether it is the
+    root of a body. values: what the script has set of it, by CoppeliaSim's names.
+    """
+
+    handle: int
+    kind: int
+    alias: str
+    name: str
+    parent: int = -1
+    link: Link | None = None
+    pose: Pose = NOWHERE
+    joint: Joint | None = None
+    camera: Camera | None = None
+    sensor: Any = None
+    is_model: bool = False
+    values: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_root(self) -> bool:
+        """Return whether a body moves with it."""
+        return self.kind == SHAPE and self.link is not None and self.link[1] == BASE
+
+
+class Scene:
+    """All objects, and the copy of the world that they are in.
+
+    physics: the copy. aliases: path of CoppeliaSim → name in the world. sensors: proximity sensors
+    by name, each with `link`, `position`, `orientation_rpy`.
+    """
+
+    def __init__(
+        self, physics: Physics, aliases: Mapping[str, str], sensors: Mapping[str, Any]
+    ) -> None:
+        self.objects: dict[int, SceneObject] = {}
+        self._aliases, self._sensors = aliases, sensors
+        self._next = FIRST_HANDLE
+        self._by_name: dict[tuple[int, str], SceneObject] = {}
+        self.build(physics)
+        # Last, since what is built anew has none.
+        self._paths: dict[str, SceneObject] = {}
+        for path, name in aliases.items():
+            found = [o for (_, own), o in self._by_name.items() if own == name]
+            if not found:
+                known = suggest(name, [own for _, own in self._by_name])
+                raise ApiError(f"aliases: {path!r} stands for {name!r}, which is unknown{known}")
+            found[0].alias = re.sub(r"[\[{#].*", "", path.strip("/").rpartition("/")[2])
+            self._paths[path.strip("/")] = found[0]
+
+    def build(self, physics: Physics) -> None:
+        """Take a copy of the world; objects that were there before keep their handles."""
+        self.physics, self.engine = physics, physics.engine
+        self._by_link: dict[Link, SceneObject] = {}
+        self._bodies: BodyStates | None = None
+        self._is_stale = False
+        self.joint_index = {name: index for index, name in enumerate(physics.joints)}
+        self.position = [joint.start for joint in physics.joints.values()]
+        self.velocity = [joint.start_velocity for joint in physics.joints.values()]
+        self.effort = [0.0] * len(self.position)
+        for number, body in enumerate(physics.bodies):
+            self._add_body(number, body)
+        lens = Lens(CameraErrors(), 0)
+        for name, row in physics.world.cameras.items():
+            link = self._link(row.link)
+            camera = Camera(name, row, link, self.engine, lens)
+            # CoppeliaSim's sensor looks along z with x to the left and y up.
+            turn: Pose = (REST, (0.0, 0.0, 1.0, 0.0))
+            self._add(VISION, name, name, self._by_link[link], link=link, pose=turn, camera=camera)
+        for name, sensor in self._sensors.items():
+            link = self._link(sensor.link)
+            pose = (sensor.position, quaternion(sensor.orientation_rpy))
+            parent = self._by_link[link]
+            self._add(PROXIMITY, name, name, parent, link=link, pose=pose, sensor=sensor)
+        self._start = [self.engine.frame((n, BASE)) for n in range(len(physics.bodies))]
+
+    def reset(self) -> None:
+        """Put everything where it is before a simulation."""
+        for joint in self.physics.joints.values():
+            self.put_joint(joint, joint.start)
+        for number, frame in enumerate(self._start):
+            self.engine.put(number, frame)
+        self.velocity = [joint.start_velocity for joint in self.physics.joints.values()]
+        self.effort = [0.0] * len(self.position)
+        self._is_stale = False
+        self.engine.update_shapes()
+
+    # --- building -------------------------------------------------------------------------
+
+    def _add_body(self, number: int, body: str) -> None:
+        """Add the links and joints of a body, from its root on."""
+        robot, links = self.physics.robots[number], self.engine.links(number)
+        names = self.engine.joints(number)
+        own = {j.index: j for j in self.physics.joints.values() if j.body == number}
+        shared = {link: name for name, link in self.physics.links.items()}
+        root = self._add(SHAPE, body, body, None, link=(number, BASE), is_model=True)
+        self._by_name.setdefault((SHAPE, shared[number, BASE]), root)
+        below: dict[str, list[Any]] = {}
+        for described in robot.joints.values():
+            below.setdefault(described.parent, []).append(described)
+        waiting = [robot.root]
+        while waiting:
+            parent = waiting.pop(0)
+            for described in below.get(parent, ()):
+                above, link = self._by_link[links[parent]], links[described.child]
+                if (joint := own.get(names.index(described.name))) is not None:
+                    above = self._add(
+                        JOINT, described.name, joint.name, above, link=link, joint=joint
+                    )
+                self._add(SHAPE, described.child, shared[link], above, link=link)
+                waiting.append(described.child)
+
+    def _add(
+        self, kind: int, alias: str, name: str, parent: SceneObject | None, **fields: Any
+    ) -> SceneObject:
+        if (made := self._by_name.get((kind, name))) is None:
+            made = SceneObject(
+                self._next, kind, alias, name, -1 if parent is None else parent.handle
+            )
+            self._next += 1
+            self.objects[made.handle] = made
+            self._by_name[kind, name] = made
+        for key, value in fields.items():
+            setattr(made, key, value)
+        if kind == SHAPE and made.link is not None:
+            self._by_link[made.link] = made
+        return made
+
+    def _link(self, name: str) -> Link:
+        if (link := self.physics.links.get(name)) is None:
+            raise ApiError(f"link {name!r} is unknown{suggest(name, self.physics.links)}")
+        return link
+
+    def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:
+        """Add an object without a body, such as a frame or a mark."""
+        return self._add(DUMMY, alias, f"~{self._next}", parent)
+
+    def add_shape(self, name: str) -> SceneObject:
+        """Add a shape whose body the next copy of the world has."""
+        return self._add(SHAPE, name, name, None, is_model=True)
+
+    def remove(self, thing: SceneObject) -> None:
+        """Remove an object; what is below it goes to its parent."""
+        self._by_name = {key: o for key, o in self._by_name.items() if o is not thing}
+        for other in self.objects.values():
+            if other.parent == thing.handle:
+                other.pose = _EXACT.compose(thing.pose, other.pose)
+                other.parent = thing.parent
+        del self.objects[thing.handle]
+
+    # --- finding --------------------------------------------------------------------------
+
+    def get(self, handle: object) -> SceneObject:
+        """Return an object by its handle; raises ApiError."""
+        own = int(handle) & _MASK if isinstance(handle, int | float) and handle >= 0 else -1
+        if (found := self.objects.get(own)) is None:
+            raise ApiError("object does not exist.")
+        return found
+
+    def of(self, link: Link) -> SceneObject:
+        """Return the shape of a link."""
+        return self._by_link[link]
+
+    def find(self, path: str, start: SceneObject | None = None, index: int = 0) -> int:
+        """Return the handle of what a path names, or -1; start: what `.` is; index: which of them.
+
+        `/a/b`, `./a`, `../a`, `a[1]`, `a{1}`, `*`: each part is looked for in the whole tree below
+        the part before it, level by level; `[1]` counts siblings, `{1}` all that fit.
+        """
+        if (named := self._paths.get(path.strip("/"))) is not None and index == 0:
+            return named.handle
+        if path[:1] not in ("/", ".", ":"):
+            return -1
+        here = None if path.startswith("/") else start
+        parts = [part for part in path.split("/") if part not in ("", ".")]
+        while parts and parts[0] in ("..", ":"):
+            is_up = parts.pop(0) == ".."
+            while here is not None and not (is_up or here.is_model):
+                here = self.objects.get(here.parent)
+            here = self.objects.get(here.parent) if is_up and here is not None else here
+        if not parts:
+            return -1 if here is None else here.handle
+        if (given := _COUNT.search(parts[-1])) is not None:
+            parts[-1], index = parts[-1][: given.start()], int(given[1])
+        found = self._fitting(-1 if here is None else here.handle, parts)
+        return next(itertools.islice(found, index, None), -1)
+
+    def _fitting(self, parent: int, parts: Sequence[str]) -> Iterator[int]:
+        """Yield what fits the parts of a path below an object, in CoppeliaSim's order."""
+        given = _INDEX.search(parts[0])
+        alias = parts[0][: given.start()] if given else parts[0]
+        children = [o for o in self.objects.values() if o.parent == parent]
+        fitting = [o for o in children if fnmatchcase(o.alias, alias.replace("[", "[[]"))]
+        wanted = fitting[int(given[1]) :][:1] if given else fitting
+        for thing in wanted:
+            if len(parts) == 1:
+                yield thing.handle
+            else:
+                yield from self._fitting(thing.handle, parts[1:])
+        for thing in children:
+            if not given or (thing not in fitting and not wanted):
+                yield from self._fitting(thing.handle, parts)
+
+    def below(self, top: SceneObject | None) -> Iterator[SceneObject]:
+        """Yield everything below an object, or everything, the nearest first."""
+        level = [-1 if top is None else top.handle]
+        while level:
+            found = [o for o in self.objects.values() if o.parent in level]
+            yield from found
+            level = [o.handle for o in found]
+
+    def path(self, thing: SceneObject) -> str:
+        """Return the path of an object, from the model that it belongs to on."""
+        names = [thing.alias]
+        above = self.objects.get(thing.parent)
+        while above is not None:
+            if above.is_model or above.parent == -1:
+                names.append(above.alias)
+            above = self.objects.get(above.parent)
+        return "/" + "/".join(reversed(names))
+
+    def similar(self, path: str) -> str:
+        """Return a hint at what a path may have meant."""
+        return suggest(
+            path.strip("./").rpartition("/")[2], [o.alias for o in self.objects.values()]
+        )
+
+    # --- where everything is --------------------------------------------------------------
+
+    def velocity_of(self, thing: SceneObject, names: Sequence[str]) -> tuple[Point, Point]:
+        """Return velocity of an object's origin [m/s], and its angular velocity [rad/s].
+
+        names: of the bodies in the messages.
+        """
+        above = thing
+        while above.link is None and above.parent != -1:
+            above = self.objects[above.parent]
+        if above.link is None or (self._bodies is None and not self.physics.joints):
+            return REST, REST
+        body = self.physics.bodies[above.link[0]]
+        engine, moving = (
+            self.engine,
+            [j for j in self.physics.joints.values() if j.body == above.link[0]],
+        )
+        if self._bodies is not None and body in names:
+            at = names.index(body)
+            engine.put(
+                above.link[0],
+                engine.frame((above.link[0], BASE)),
+                self._bodies.velocity[at],
+                self._bodies.spin[at],
+            )
+        for joint in moving:
+            index = self.joint_index[joint.name]
+            engine.put_joint(joint.body, joint.index, self.position[index], self.velocity[index])
+        motion = engine.motion(above.link)
+        x, y, z = (a - b for a, b in zip(self.world_pose(thing)[0], motion.centre, strict=True))
+        (a, b, c), (u, v, w) = motion.spin, motion.velocity
+        return (u + b * z - c * y, v + c * x - a * z, w + a * y - b * x), motion.spin
+
+    def take(self, state: JointState, order: Sequence[int], bodies: BodyStates | None) -> None:
+        """Take the state of a step; order: place of each joint of the message in our lists."""
+        for values, own in (
+            (state.position, self.position),
+            (state.velocity, self.velocity),
+            (state.effort, self.effort),
+        ):
+            if values is not None:
+                for index, value in zip(order, values, strict=True):
+                    own[index] = value
+        self._bodies = bodies
+        self._is_stale = True
+
+    def settle(self, names: Sequence[str]) -> None:
+        """Put the copy of the world where the plant's is, before something is asked of it.
+
+        names: of the bodies in the messages.
+        """
+        if not self._is_stale:
+            return
+        self._is_stale = False
+        engine, physics = self.engine, self.physics
+        for joint, position in zip(physics.joints.values(), self.position, strict=True):
+            engine.put_joint(joint.body, joint.index, position, 0.0)
+        if self._bodies is not None and names:
+            rows = zip(names, self._bodies.position, self._bodies.orientation, strict=True)
+            for name, position, turn in rows:
+                engine.put(physics.bodies.index(name), (position, turn))
+        engine.update_shapes()
+
+    def put_joint(self, joint: Joint, position: float) -> None:
+        """Put a joint of the copy somewhere."""
+        index = self.joint_index[joint.name]
+        self.position[index], self.velocity[index] = position, 0.0
+        self.physics.teleport(joint, position, 0.0)
+
+    def world_pose(self, thing: SceneObject, *, moves: bool = False) -> Pose:
+        """Return the pose of an object in the world; that of a joint has its axis along z.
+
+        moves: of a joint, the frame that moves with it.
+        """
+        if thing.joint is not None and thing.link is not None:
+            return self._joint_pose(thing.joint, self.engine.frame(thing.link), moves=moves)
+        if thing.link is not None:
+            return _EXACT.compose(self.engine.frame(thing.link), thing.pose)
+        parent = self.objects.get(thing.parent)
+        return thing.pose if parent is None else _EXACT.compose(self.world_pose(parent), thing.pose)
+
+    def _joint_pose(self, joint: Joint, child: Pose, *, moves: bool) -> Pose:
+        """Return the frame of a joint; child: that of the link beyond it."""
+        q = 0.0 if moves else self.position[self.joint_index[joint.name]]
+        x, y, z = joint.axis
+        is_rotary = joint.is_rotary
+        back: Pose = (
+            REST if is_rotary else (-x * q, -y * q, -z * q),
+            _about(joint.axis, -q * is_rotary),
+        )
+        return _EXACT.compose(_EXACT.compose(child, back), (REST, _from_up(joint.axis)))
+
+    def pose_in(self, thing: SceneObject, frame: SceneObject | None) -> Pose:
+        """Return the pose of an object in the frame of another one; None: the world."""
+        pose = self.world_pose(thing)
+        return pose if frame is None else relative(self.world_pose(frame, moves=True), pose)
+
+    def moved_frame(self, thing: SceneObject, pose: Pose) -> Pose | None:
+        """Put an object somewhere in the copy; return the new frame of the body that goes along.
+
+        Raises ApiError for what only joints move.
+        """
+        if thing.link is None or thing.kind in (VISION, PROXIMITY):
+            above = self.objects.get(thing.parent)
+            frame = None if above is None else self.world_pose(above)
+            frame = self.engine.frame(thing.link) if thing.link is not None else frame
+            thing.pose = pose if frame is None else relative(frame, pose)
+            return None
+        if not thing.is_root:
+            raise ApiError(
+                f"{self.path(thing)} is a link of {self.path(self.of((thing.link[0], BASE)))}, "
+                "which only its joints move; move that object instead"
+            )
+        self.engine.put(thing.link[0], pose)
+        return pose
+
+
+def relative(frame: Pose, pose: Pose) -> Pose:
+    """Return a pose of the world in a frame."""
+    return _EXACT.compose(_EXACT.inverse(frame), pose)
+
+
+def composed(frame: Pose, pose: Pose) -> Pose:
+    """Return a pose of a frame in the world."""
+    return _EXACT.compose(frame, pose)
+
+
+def _about(axis: Point, angle: float) -> Quaternion:
+    x, y, z = axis
+    sine = math.sin(angle / 2) / (math.sqrt(x * x + y * y + z * z) or 1.0)
+    return x * sine, y * sine, z * sine, math.cos(angle / 2)
+
+
+def _from_up(axis: Point) -> Quaternion:
+    """Return the shortest turn that takes z to an axis."""
+    x, y, z = axis
+    if z < -1.0 + 1e-9:
+        return 1.0, 0.0, 0.0, 0.0
+    w = 1.0 + z
+    length = math.sqrt(x * x + y * y + w * w)
+    return -y / length, x / length, 0.0, w / length

@@ -1,0 +1,430 @@
+"""A script's session: its clients, its calls, and the steps that it lets the run make."""
+
+import dataclasses
+import math
+import os
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import zmq
+
+from stepbus_coppelia.clients import ApiError, Client, Endpoint
+from stepbus_coppelia.drawings import Canvas
+from stepbus_coppelia.edits import ONLY_STOPPED, Changes, Edits
+from stepbus_coppelia.functions import CONSTANTS, FUNCTIONS
+from stepbus_coppelia.joints import FREE, POSITION, Control, Group
+from stepbus_coppelia.messages import BodyStates
+from stepbus_coppelia.scene import Scene, SceneObject
+from stepbus_plant.geometry import Pose
+from stepbus_plant.joint import Joint
+from stepbus_schemas import JointCommand, JointState, RunError
+
+STOPPED, PAUSED, FIRST, RUNNING = 0, 8, 16, 17
+"""Numbers of `sim.simulation_*`."""
+PORT_VARIABLE = "STEPBUS_COPPELIA_PORT"
+ENV = "env "
+"""Before a program that is named by its path, as of /usr/bin/env: a scenario's files have others."""
+_TICK_S = 0.1
+_LONGEST_CALL = 200
+"""Characters of a call that is recorded."""
+
+
+class ScriptFailed(RunError):
+    """A script has ended with an error, or holds a step for too long."""
+
+
+class Session:
+    """What the clients of a script share: the scene, the simulation's state, and the next step.
+
+    It outlives a simulation, so that a script can start another one. edits: what the next one has
+    beside the world of the scenario. dt: length of a step [s]. params: of the gateway. functions:
+    object whose methods scripts call as functions of other scripts. say: tells the user something.
+    interrupted: whether the user wants to end.
+    Raises ApiError for an alias or a sensor that names what is not in the world.
+    """
+
+    def __init__(
+        self,
+        edits: Edits,
+        dt: float,
+        params: Any,
+        functions: object,
+        say: Callable[[str], None],
+        interrupted: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.edits, self.dt, self.params, self.functions = edits, dt, params, functions
+        self.scene = scene = Scene(edits.opened({}), params.aliases, params.proximity_sensors)
+        self.say, self._interrupted = say, interrupted
+        self.clients: list[Client] = []
+        self.endpoints: list[Endpoint] = []
+        self.state, self.step, self.time = STOPPED, 0, 0.0
+        self.client: Client | None = None
+        self.signals: dict[str, Any] = {}
+        self.unanswered: Counter[str] = Counter()
+        self.initial, self.changes = Changes(), Changes()
+        self.values: dict[tuple[str, int], Any] = {}
+        self.logged: list[tuple[str, str]] = []
+        self.controls = {name: Control.of(j) for name, j in scene.physics.joints.items()}
+        self.groups: dict[str, Group] = {}
+        self.calls: list[str] = []
+        self.is_ending = self.has_clients = False
+        self.runs, self.port = 0, 0
+        self.drawings = Canvas()
+        self.collections: dict[int, list[SceneObject]] = {}
+        self._kept: set[int] = set()
+        self._names: Sequence[str] = ()
+        self._order: list[int] = []
+        self._body_names: Sequence[str] = ()
+        self._due_s = 0.0
+        self._script: subprocess.Popen[bytes] | None = None
+        self._poller = zmq.Poller()
+        self._sockets: dict[Any, Endpoint] = {}
+
+    # --- who speaks to it -----------------------------------------------------------------
+
+    def listen(self, endpoint: Endpoint) -> None:
+        """Take clients of a further API."""
+        self.endpoints.append(endpoint)
+
+    def start_script(self, command: Sequence[str], folder: Path, port: int) -> None:
+        """Start the program of the user, if there is one; its output is that of this process."""
+        self.port = port
+        if not command:
+            return
+        program = sys.executable if command[0] == "python" else command[0].removeprefix(ENV)
+        words = [program, *command[1:]]
+        try:
+            self._script = subprocess.Popen(
+                words, cwd=folder, env={**os.environ, PORT_VARIABLE: str(port)}
+            )
+        except OSError as exc:
+            raise ScriptFailed(f"cannot start {command[0]}: {exc.strerror}") from exc
+
+    def join(self, client: Client) -> None:
+        """Take a new connection."""
+        self.clients.append(client)
+        self.has_clients = True
+
+    def leave(self, client: Client, why: str) -> None:
+        """Forget a connection that is gone; why: as the end of a sentence about it."""
+        if client in self.clients:
+            self.clients.remove(client)
+            if why:
+                self.say(f"{client.name} {why}")
+
+    # --- its calls ------------------------------------------------------------------------
+
+    @property
+    def is_running(self) -> bool:
+        """Return whether a simulation goes on, paused or not."""
+        return self.state != STOPPED
+
+    def call(self, client: Client, name: str, args: Sequence[Any]) -> list[Any]:
+        """Call a function by its name without `sim.`; return its results. Raises ApiError."""
+        row = FUNCTIONS.get(name)
+        where = f"in sim.{name}"
+        if row is None:
+            self.unanswered[name] += 1
+            raise ApiError(f"{where}: this function is not available in stepbus.")
+        self.client = client
+        if self.params.records_calls:
+            words = ", ".join(map(repr, args))
+            self.calls.append(f"{client.name}: {name}({words})"[:_LONGEST_CALL])
+        try:
+            self._settle()
+            result = row.work(self, *args)
+        except ApiError as exc:
+            raise ApiError(f"{where}: {exc}") from None
+        except (TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError) as exc:
+            raise ApiError(f"{where}: bad arguments ({exc}).") from None
+        if result is None:
+            return []
+        return list(result) if isinstance(result, tuple) else [result]
+
+    def _settle(self) -> None:
+        """Let the scene show what has changed since it was last asked."""
+        if self.edits.is_new:
+            self.edits.show(self.scene)
+            self.controls = {name: Control.of(j) for name, j in self.scene.physics.joints.items()}
+            self._restore()
+        self.scene.settle(self._body_names)
+
+    def _restore(self) -> None:
+        """Put everything where the script has put it before the simulation."""
+        for body, frame in self.initial.frames.items():
+            if body in self.scene.physics.bodies:
+                self.scene.engine.put(self.scene.physics.bodies.index(body), frame)
+        for name, value in self.initial.joints.items():
+            self.scene.put_joint(self.scene.physics.joints[name], value)
+
+    @property
+    def moment(self) -> tuple[int, int]:
+        """Return what an image is of: the simulation, and its step."""
+        return self.runs, self.step
+
+    def _changed(self) -> list[Changes]:
+        """Return where a change is noted; one before the simulation counts in each."""
+        return [self.changes] if self.is_running else [self.initial]
+
+    def put(self, thing: SceneObject, pose: Pose) -> None:
+        """Put an object somewhere in the world."""
+        frame = self.scene.moved_frame(thing, pose)
+        if frame is not None and thing.link is not None:
+            for changes in self._changed():
+                changes.frames[self.scene.physics.bodies[thing.link[0]]] = frame
+
+    def put_joint(self, joint: Joint, position: float) -> None:
+        """Put a joint somewhere [rad]."""
+        self.scene.put_joint(joint, position)
+        for changes in self._changed():
+            changes.joints[joint.name] = position
+
+    def hold(self, thing: SceneObject, holder: SceneObject | None) -> None:
+        """Let a body go along with what another object is on; None: let it go."""
+        body = self.scene.physics.bodies[thing.link[0]] if thing.link is not None else ""
+        while holder is not None and holder.link is None:
+            holder = self.scene.objects.get(holder.parent)
+        names = {link: name for name, link in self.scene.physics.links.items()}
+        for changes in self._changed():
+            changes.held[body] = "" if holder is None or holder.link is None else names[holder.link]
+
+    def make_shape(self, kind: str, size: list[float]) -> int:
+        """Make a box, sphere or cylinder [m]; return its handle."""
+        self.must_be_stopped()
+        return self.edits.make_shape(self.scene, kind, size).handle
+
+    def shape_changed(self, handle: int, **changes: Any) -> None:
+        """Change the mass [kg], colour, or other keys of `Primitive` of a shape."""
+        if changes.keys() != {"colour"}:
+            self.must_be_stopped()
+        self.edits.shape_changed(self.scene.get(handle), changes)
+
+    def remove(self, thing: SceneObject) -> None:
+        """Remove what the script has made."""
+        if thing.is_model:
+            self.must_be_stopped()
+        self.edits.remove(self.scene, thing)
+
+    def load_scene(self, world: str) -> None:
+        """Take another world; empty: that of the scenario."""
+        self.must_be_stopped()
+        self.edits.world, self.edits.is_new = world, True
+        self.edits.primitives, self.edits.models, self.edits.masses = {}, {}, {}
+        self.initial = Changes()
+
+    def load_model(self, urdf: str, name: str) -> int:
+        """Add a body from a model file; return its handle."""
+        self.must_be_stopped()
+        return self.edits.load_model(self.scene, urdf, name).handle
+
+    def must_be_stopped(self) -> None:
+        """Raise ApiError while a simulation runs."""
+        if self.is_running:
+            raise ApiError(ONLY_STOPPED)
+
+    def velocity_of(self, thing: SceneObject) -> tuple[Any, Any]:
+        """Return velocity [m/s] and angular velocity [rad/s] of an object in the world."""
+        linear, angular = self.scene.velocity_of(thing, self._body_names)
+        return list(linear), list(angular)
+
+    def property_of(self, thing: SceneObject, parameter: int) -> float:
+        """Return a property by CoppeliaSim's number, as the script has set it, or as it is."""
+        own: dict[str, Any] = {}
+        if thing.joint is not None:
+            control = self.controls[thing.joint.name]
+            own = {
+                "jointintparam_dynctrlmode": control.mode,
+                "jointintparam_motor_enabled": int(control.mode != FREE),
+                "jointintparam_ctrl_enabled": int(control.mode == POSITION),
+                "jointfloatparam_velocity": self.scene.velocity[
+                    self.scene.joint_index[thing.joint.name]
+                ],
+                "jointfloatparam_upper_limit": min(thing.joint.upper, math.pi),
+                "jointfloatparam_maxvel": min(control.fastest, sys.float_info.max),
+            }
+        elif thing.camera is not None:
+            row = thing.camera.row
+            own = {
+                "visionintparam_resolution_x": row.width,
+                "visionintparam_resolution_y": row.height,
+                # The angle of the larger side.
+                "visionfloatparam_perspective_angle": 2.0
+                * math.atan(math.tan(row.fov / 2) * max(row.width / row.height, 1.0)),
+                "visionfloatparam_near_clipping": row.near,
+                "visionfloatparam_far_clipping": row.far,
+            }
+        elif thing.is_root:
+            own = {
+                "shapeintparam_static": 1
+                if self.scene.physics.world.bodies[thing.name].fixed_base
+                else 0
+            }
+        known = {CONSTANTS[name]: value for name, value in own.items()}
+        return float(known.get(parameter, thing.values.get(str(parameter), 0.0)))
+
+    def log(self, level: str, text: str) -> None:
+        """Show a message to whoever watches, and record it."""
+        self.logged.append((level, text))
+
+    # --- its simulations ------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Start a simulation, or go on with one that is paused."""
+        if self.state == PAUSED:
+            self.state = RUNNING
+        elif self.state == STOPPED:
+            self._settle()
+            self.state, self.step, self.time, self.runs = FIRST, 0, 0.0, self.runs + 1
+            self._kept = set(self.scene.objects)
+            self.changes = dataclasses.replace(self.initial)
+        self._due_s = time.monotonic()
+
+    def stop(self) -> None:
+        """Stop the simulation; all stepping ends with it."""
+        if self.state != STOPPED:
+            self.state, self.is_ending = STOPPED, True
+            for client in self.clients:
+                client.level = 0
+            self._answer()
+            self.controls = {name: Control.of(j) for name, j in self.scene.physics.joints.items()}
+            for handle in self.scene.objects.keys() - self._kept:
+                # What is made while it runs does not outlive it.
+                self.scene.remove(self.scene.objects[handle])
+            self.scene.reset()
+            self._restore()
+
+    def pause(self) -> None:
+        """Hold the simulation until it is started again."""
+        if self.state != STOPPED:
+            self.state = PAUSED
+
+    def connect(
+        self, groups: Mapping[str, Group], names: Sequence[str], bodies: Sequence[str]
+    ) -> None:
+        """Take what a run has: the joints of each command, and of the messages of the plant."""
+        self.groups = dict(groups)
+        self._names, self._body_names = names, bodies
+        self._order = [self.scene.joint_index[name] for name in names]
+
+    def take(self, step: int, state: JointState | None, bodies: BodyStates | None) -> None:
+        """Take the state of the plant at a step, and answer those that have waited for it."""
+        self.time += self.dt * (step - self.step)
+        self.step = step
+        if state is not None:
+            self.scene.take(state, self._order, bodies)
+        if self.state == FIRST and step:
+            self.state = RUNNING
+        self._answer()
+
+    def _answer(self) -> None:
+        for client in self.clients:
+            client.waits = client.waits and self.is_running and self.time < client.until - 1e-9
+        for endpoint in self.endpoints:
+            endpoint.stepped()
+
+    def commands(self) -> dict[str, JointCommand]:
+        """Return the commands of this step, by port: those that are new."""
+        made = {
+            port: group.command(self.controls, self.scene)
+            for port, group in self.groups.items()
+            if any(self.controls[name].is_new for name in group.names)
+        }
+        return {port: command for port, command in made.items() if command is not None}
+
+    def serve_until_started(self) -> bool:
+        """Answer calls until a simulation is started; return False when no client is left."""
+        told = time.monotonic() + 10.0
+        while not self.is_running:
+            if self._interrupted() or not self._serve(_TICK_S):
+                return False
+            if told and time.monotonic() > told:
+                told = 0.0
+                what = "has not started" if self.has_clients else "no client has connected, nor"
+                self.say(f"waiting for sim.startSimulation: {what} a simulation")
+        return True
+
+    def serve_step(self) -> str:
+        """Answer calls until the next step may begin; return why the run ends, or an empty text.
+
+        Raises ScriptFailed when the script has failed, or a client holds the step for too long.
+        """
+        self._due_s = max(self._due_s + self.dt, time.monotonic() - self.dt)
+        while True:
+            if self.is_ending:
+                self.is_ending = False
+                return "sim.stopSimulation"
+            if self._interrupted():
+                return "interrupted"
+            wait_s = self._wait_s()
+            if not self._serve(max(wait_s, 0.0)):
+                self.state = STOPPED
+                return "the script has ended" if self._script else "all clients have left"
+            if wait_s <= 0.0 and self._wait_s() <= 0.0 and not self.is_ending:
+                return ""
+
+    def _wait_s(self) -> float:
+        """Return how long to wait for calls before this step is looked at again [s]; 0: it is due.
+
+        Raises ScriptFailed when a client holds the step for too long.
+        """
+        stepping = [client for client in self.clients if client.level > 0]
+        if self.state == PAUSED or (holders := [c for c in stepping if not c.waits]):
+            longest_s = self.params.client_timeout_ns * 1e-9
+            late = [] if self.state == PAUSED else holders
+            for client in late:
+                held_s = time.monotonic() - client.heard
+                if held_s > longest_s:
+                    raise ScriptFailed(
+                        f"step {self.step}: {client.name} has turned stepping on and has not called "
+                        f"for {held_s:.0f} s: it waits for nothing of ours; if it computes for that "
+                        "long, raise client_timeout"
+                    )
+            return _TICK_S
+        return 0.0 if stepping else self._due_s - time.monotonic()
+
+    def _serve(self, wait_s: float) -> bool:
+        """Answer what arrives within a time; return whether anybody may still call."""
+        polled = {
+            id(s) if not isinstance(s, int) else s: (s, e)
+            for e in self.endpoints
+            for s in e.sockets()
+        }
+        if polled.keys() != self._sockets.keys():
+            for socket, _ in self._sockets.values():
+                self._poller.unregister(socket)
+            for socket, _ in polled.values():
+                self._poller.register(socket, zmq.POLLIN)
+            self._sockets = polled
+        for socket, _ in self._poller.poll(min(wait_s, _TICK_S) * 1e3):
+            key = id(socket) if not isinstance(socket, int) else socket
+            if key in self._sockets:
+                self._sockets[key][1].receive(socket)
+        return self._is_alive()
+
+    def _is_alive(self) -> bool:
+        script = self._script
+        if script is None:
+            return bool(self.clients) or not self.has_clients
+        if (code := script.poll()) is None:
+            return True
+        if code:
+            how = f"exit code {code}" if code > 0 else f"signal {-code}"
+            raise ScriptFailed(f"step {self.step}: the script has ended with {how}; see its output")
+        return False
+
+    def close(self) -> None:
+        """End the script, and all connections."""
+        for endpoint in self.endpoints:
+            endpoint.close()
+        if self._script is not None and self._script.poll() is None:
+            self._script.terminate()
+            try:
+                self._script.wait(2.0)
+            except subprocess.TimeoutExpired:
+                self._script.kill()
+                self._script.wait()  # no time-out: it has been killed

@@ -1,0 +1,189 @@
+"""`stepbus coppelia`: connects a script to the plant of a scenario, and runs what it starts."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from stepbus_coppelia import gateway
+from stepbus_coppelia.clients import ApiError
+from stepbus_coppelia.declared import Coppelia
+from stepbus_coppelia.gateway import CALLS, DRAWINGS, EVENTS, STATE, open_session
+from stepbus_coppelia.joints import groups_of
+from stepbus_coppelia.params import GatewayParams
+from stepbus_coppelia.plant import BODIES, CHANGES
+from stepbus_coppelia.session import ENV, ScriptFailed, Session
+from stepbus_orchestrator.cli.interrupts import interruptible
+from stepbus_orchestrator.cli.run_command import after_run, summary
+from stepbus_orchestrator.cli.terminal.live import displayed
+from stepbus_orchestrator.cli.terminal.output import Answer, print_error
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.kernel.admission import participant_seed
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.override import named_from
+from stepbus_orchestrator.scenario.resolve import resolved
+from stepbus_participant import format_duration
+from stepbus_participant.parameters import parse_yaml
+from stepbus_schemas import WiringError
+
+GATEWAY = "stepbus_coppelia.gateway:Gateway"
+PLANT, SCENE_PLANT = "stepbus_plant:Plant", "stepbus_coppelia.plant:ScenePlant"
+_SLACK_NS = 5_000_000_000
+"""By which the deadline of the gateway is longer than that of its clients [ns]."""
+
+
+class Stage:
+    """A scenario with the gateway in it.
+
+    given: the options. gateway, plant: the rows of both, plain. params: of the gateway.
+    Raises WiringError for a scenario without a plant, or with several.
+    """
+
+    def __init__(self, given: Coppelia) -> None:
+        self.scenario = loaded = load(given.scenario, given.set)
+        self._content: dict[str, Any] = parse_yaml("scenario", resolved(loaded))
+        rows: dict[str, dict[str, Any]] = self._content["participants"]
+        plants = [n for n, row in rows.items() if row.get("participant") in (PLANT, SCENE_PLANT)]
+        if len(plants) != 1:
+            raise WiringError(f"{loaded.name} has {len(plants)} plants; a script needs one")
+        self.plant = plants[0]
+        own = [n for n, row in rows.items() if row.get("participant") == GATEWAY]
+        self.name = own[0] if own else "script"
+        before = rows[own[0]].get("params", {}) if own else {}
+        self._kept = {n: row for n, row in rows.items() if n not in (*own, self.plant) and own}
+        self._row = rows[self.plant]
+        # A rerun finds files by their place beside the scenario, and programs where they are.
+        command = [named_from(loaded.folder, "script.command", word) for word in given.script[1:]]
+        program = given.script[0] if given.script else ""
+        command = [f"{ENV}{program}" if "/" in program else program, *command] if program else []
+        timeout = {"client_timeout": given.client_timeout} if given.client_timeout else {}
+        self._params: dict[str, Any] = {
+            **before,
+            **({"command": command} if command else {}),
+            **timeout,
+            "port": given.port,
+            "plant": self._row.get("params", {}),
+            "plant_seed": participant_seed(loaded.seed, self.plant),
+        }
+        self.params = GatewayParams.of(self._params, loaded.folder)
+        self.command = given.script
+
+    def scenario_of(self, session: Session, number: int) -> Scenario:
+        """Return the scenario of a run; number: of the simulation, from 1 on."""
+        physics, plant = session.scene.physics, self.plant
+        groups = groups_of(physics.joints, physics.bodies, session.dt)
+        has_bodies = any(not body.fixed_base for body in physics.world.bodies.values())
+        outputs = {**self._row.get("outputs", {})}
+        outputs = {port: row for port, row in outputs.items() if _type(row) != "JointState/1"}
+        outputs[STATE] = "JointState/1"
+        outputs |= {BODIES: "BodyStates/1"} if has_bodies else {}
+        commands = dict.fromkeys(groups, "JointCommand/1")
+        params = {**self._params, "plant": {**self._params["plant"], **session.edits.params()}}
+        if number > 1:
+            # A script begins with its first simulation: it cannot repeat this one alone.
+            params.pop("command", None)
+        inputs = {STATE: f"{plant}.{STATE}"} | ({BODIES: f"{plant}.{BODIES}"} if has_bodies else {})
+        limit_ns = self.params.client_timeout_ns + _SLACK_NS
+        rows = {
+            plant: {
+                **self._row,
+                "participant": SCENE_PLANT,
+                "publishes": "first",
+                "inputs": {port: f"{self.name}.{port}" for port in (*commands, CHANGES)},
+                "outputs": outputs,
+                "params": {**self._row.get("params", {}), **session.edits.params()},
+            },
+            self.name: {
+                "participant": GATEWAY,
+                "inputs": inputs,
+                "outputs": {
+                    **commands,
+                    CHANGES: "SceneChange/1",
+                    DRAWINGS: "Drawings/1",
+                    CALLS: "RemoteCalls/1",
+                    EVENTS: "Event/1",
+                },
+                "params": params,
+                "step_timeout": format_duration(limit_ns),
+            },
+            **self._kept,
+        }
+        types = self._content.get("types", [])
+        own = types if isinstance(types, list) else [types]
+        content = {
+            **self._content,
+            "types": [*own, "stepbus_coppelia.messages"],
+            "participants": rows,
+        }
+        return load(content, folder=self.scenario.folder)
+
+
+def _type(row: Any) -> str:
+    return row if isinstance(row, str) else str(row["type"])
+
+
+def coppelia_command(given: Coppelia) -> int:
+    """Run every simulation that a script starts, and return the exit code of the last one."""
+    stage = Stage(given)
+    with interruptible(ends=True) as interrupt:
+        try:
+            session = open_session(
+                stage.params,
+                stage.scenario.step_ns,
+                stage.scenario.folder,
+                (given.script, Path.cwd()),
+                say=_say,
+                interrupted=interrupt.is_set,
+            )
+        except ApiError as exc:
+            raise WiringError(str(exc)) from exc
+        gateway.shared = session
+        try:
+            _say(
+                f"listening on 127.0.0.1:{session.port}"
+                + ("" if given.script else "; start your script")
+            )
+            code = _simulations(given, stage, session, interrupt)
+        except ScriptFailed as exc:
+            print_error(str(exc))
+            code = ExitCode.FAULT
+        finally:
+            gateway.shared = None
+            session.close()
+        if not session.runs and not code:
+            print_error(
+                "the script has not started a simulation (sim.startSimulation): nothing was run"
+            )
+            return ExitCode.FAULT
+        if session.unanswered:
+            rows = [f"  sim.{name}, {count}×" for name, count in session.unanswered.items()]
+            _say("\n".join(["functions that are not available:", *rows]))
+    return ExitCode.INTERRUPTED if interrupt.is_set() and not code else code
+
+
+def _simulations(given: Coppelia, stage: Stage, session: Session, interrupt: Any) -> int:
+    code = 0
+    while not code and session.serve_until_started():
+        scenario = stage.scenario_of(session, session.runs)
+        out = (
+            given.out
+            if session.runs == 1 or given.out is None
+            else Path(f"{given.out}-{session.runs}")
+        )
+        options = Options(out=out, host=InProcess())
+        with displayed(scenario.name, quiet=False) as shown:
+            result = run(scenario, options, shown, interrupt)
+        session.stop()
+        session.is_ending = False
+        lines = after_run(result, has_plots=not given.no_report, is_interrupted=interrupt.is_set())
+        error = result.reason if result.exit_code else ""
+        Answer(value=result, lines=summary(result, lines), error=error).show(as_json=False)
+        code = result.exit_code
+    return code
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()

@@ -1,0 +1,180 @@
+"""The ZeroMQ remote API: protocol 2 of CoppeliaSim 4.6 and later, and protocol 1 before it."""
+
+import time
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import cbor2
+import zmq
+from zmq.utils.monitor import recv_monitor_message
+
+from stepbus_coppelia.clients import ApiError, Client, Simulator
+from stepbus_coppelia.functions import CONSTANTS, FUNCTIONS
+from stepbus_participant import WiringError
+
+PORT = 23000
+VERSION = 2
+_LARGEST = 64 << 20
+"""Bytes of a message that is read."""
+_MODULES = ("sim", "zmqRemoteApi")
+_EXECUTED, _END = "_*executed*_", "_*end*_"
+
+
+class ZmqClient(Client):
+    """A client: its identity at the socket, and what is sent to it when it has waited."""
+
+    def __init__(self, name: str, identity: bytes, file: int) -> None:
+        super().__init__(name)
+        self.identity, self.file = identity, file
+        self.reply: bytes | None = None
+        self.subscribes = False
+
+
+class ZmqEndpoint:
+    """Answers the clients of one port, on loopback only.
+
+    Raises WiringError where the port is taken.
+    """
+
+    def __init__(self, simulator: Simulator, port: int = PORT) -> None:
+        self._simulator = simulator
+        self._context = zmq.Context()
+        self._router = self._context.socket(zmq.ROUTER)
+        self._router.setsockopt(zmq.MAXMSGSIZE, _LARGEST)
+        self._router.setsockopt(zmq.LINGER, 200)
+        self._router.setsockopt(zmq.SNDTIMEO, 0)
+        self._steps = self._context.socket(zmq.PUB)
+        self._steps.setsockopt(zmq.LINGER, 0)
+        self._clients: dict[bytes, ZmqClient] = {}
+        self._by_uuid: dict[str, ZmqClient] = {}
+        self._count = 0
+        try:
+            self._router.bind(f"tcp://127.0.0.1:{port or '*'}")
+            self.port = int(self._router.getsockopt(zmq.LAST_ENDPOINT).decode().rpartition(":")[2])
+            # Protocol 1 announces steps there; a port that is found has a free one beside it only
+            # by chance.
+            self._steps.bind(f"tcp://127.0.0.1:{port + 1 if port else '*'}")
+        except zmq.ZMQError as exc:
+            self.close()
+            raise WiringError(
+                f"cannot listen on port {port} or {port + 1} of this machine: {exc.strerror}; is "
+                "CoppeliaSim running? Choose another with --port"
+            ) from exc
+        self._monitor = self._router.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+
+    def sockets(self) -> Iterable[Any]:
+        """Return what is polled for reading."""
+        return self._router, self._monitor
+
+    def receive(self, socket: Any) -> None:
+        """Take and answer what has arrived at a socket, without waiting."""
+        if socket is self._monitor:
+            self._forget(recv_monitor_message(self._monitor)["value"])
+            return
+        frames = self._router.recv_multipart(copy=False)
+        identity = frames[0].bytes
+        client = self._clients.get(identity)
+        if client is None:
+            self._count += 1
+            client = ZmqClient(f"client {self._count} (ZeroMQ)", identity, frames[0].get(zmq.SRCFD))
+            self._clients[identity] = client
+            self._simulator.join(client)
+        client.heard = time.monotonic()
+        if len(frames) != 3 or frames[1].bytes:
+            self._drop(client, "has sent what is no request of ZeroMQ's REQ")
+            return
+        self._answer(client, frames[2].bytes)
+
+    def _answer(self, client: ZmqClient, data: bytes) -> None:
+        try:
+            request = cbor2.loads(data)
+        except Exception:  # noqa: BLE001  whatever a library makes of bytes that are no CBOR
+            request = None
+        if not isinstance(request, dict) or not isinstance(request.get("func"), str):
+            self._send(
+                client, {"err": "not a request of the remote API, in CBOR", "success": False}
+            )
+            self._drop(client, "has sent what is no request of the remote API")
+            return
+        is_old = "uuid" not in request
+        name, args = request["func"], request.get("args", [])
+        if name == _END:
+            self._drop(client, "")
+            return
+        if name == _EXECUTED:
+            self._send(client, {"ret": []})
+            return
+        args = list(args) if isinstance(args, list | tuple) else [args]
+        try:
+            result = self._call(client, name, args, is_old=is_old)
+        except ApiError as exc:
+            text = str(exc)
+            coded = text.replace("\n", "_=NL=_").replace("\t", "_=TB=_")
+            self._send(client, {"success": False, "error": text} if is_old else {"err": coded})
+            return
+        reply = {"success": True, "ret": result} if is_old else {"ret": result}
+        if client.waits and not is_old:
+            client.reply = cbor2.dumps(reply)
+        else:
+            self._send(client, reply)
+
+    def _call(self, client: ZmqClient, name: str, args: list[Any], *, is_old: bool) -> list[Any]:
+        """Call a function; raises ApiError."""
+        module, _, own = name.rpartition(".")
+        if is_old and name in ("setStepping", "step"):
+            # With the client's uuid as the last argument; `step` is answered at once, and then the
+            # client waits for the number of the step on the next port.
+            return self._simulator.call(client, name, args[:-1] if name == "setStepping" else [])
+        if name == "zmqRemoteApi.info":
+            return [self._info(str(args[0]) if args else "")]
+        if name == "zmqRemoteApi.require":
+            if not args or args[0] not in _MODULES:
+                what = args[0] if args else "nothing"
+                raise ApiError(f"plugin {what!r} is not available in stepbus; `sim` is")
+            return []
+        if module != "sim":
+            raise ApiError(f"No such function: {name}; stepbus has those of `sim`")
+        return self._simulator.call(client, own, args)
+
+    def _info(self, module: str) -> Mapping[str, Any]:
+        names = {"sim": FUNCTIONS, "zmqRemoteApi": {"info": None, "require": None}}
+        if module not in names:
+            raise ApiError(f"{module!r} is not available in stepbus; `sim` is")
+        constants = CONSTANTS.items() if module == "sim" else ()
+        table = {name: {"func": {}} for name in names[module]}
+        return table | {name: {"const": value} for name, value in constants}
+
+    def _send(self, client: ZmqClient, reply: Mapping[str, Any]) -> None:
+        self._send_bytes(client, cbor2.dumps(reply))
+
+    def _send_bytes(self, client: ZmqClient, data: bytes) -> None:
+        try:
+            self._router.send_multipart([client.identity, b"", data])
+        except zmq.Again:
+            self._drop(client, "does not read its answers")
+
+    def stepped(self) -> None:
+        """Answer who waited: a step is done, or the simulation has started or stopped."""
+        for client in list(self._clients.values()):
+            if client.reply is not None and not client.waits:
+                reply, client.reply = client.reply, None
+                self._send_bytes(client, reply)
+        step = self._simulator.step
+        self._steps.send(cbor2.dumps(step), zmq.NOBLOCK)
+
+    def _drop(self, client: ZmqClient, why: str) -> None:
+        if self._clients.pop(client.identity, None) is not None:
+            self._simulator.leave(client, why)
+
+    def _forget(self, file: int) -> None:
+        """Forget the client whose connection has ended."""
+        for client in [c for c in self._clients.values() if c.file == file]:
+            self._drop(client, "")
+
+    def close(self) -> None:
+        """Close all connections."""
+        if not self._router.closed:
+            self._router.disable_monitor()
+        self._steps.close()
+        self._router.close()
+        self._context.term()
