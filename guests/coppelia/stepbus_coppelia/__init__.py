@@ -1,0 +1,1 @@
+"""Simulates for scripts written for CoppeliaSim."""
