@@ -1,5 +1,6 @@
 """The commands of the legacy remote API, as calls of the functions of the ZeroMQ one."""
 
+import contextlib
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
@@ -9,9 +10,6 @@ from stepbus_coppelia.clients import ApiError
 
 Call = Callable[[str, Sequence[Any]], list[Any]]
 """Call a function by its name; raises ApiError."""
-Row = tuple[list[Any], list[Any], list[Any]]
-"""Whole numbers, numbers and texts about an object."""
-Rows = Callable[[Call, int], Row]
 
 ENABLE, DISABLE, TRIGGER, LAST_ERRORS, FINISH = 1, 2, 3, 4, 10
 """Commands about the connection, which are not here."""
@@ -26,45 +24,50 @@ _SCRIPT_INFOS = 450
 """Verbosity of what a script says."""
 
 
-# --- bytes -----------------------------------------------------------------------------------
-
-
 def _read(form: str, raw: bytes) -> list[Any]:
-    """Return what some bytes start with. form: of `struct`; `b`: all of them; `s`: names."""
-    if form == "b":
-        return [raw]
-    if form.strip("s"):
+    """Return what some bytes start with.
+
+    form: of `struct`; `s`: names; `n`: a name that may be empty, for none; `b`: all of them; `=1`:
+    always 1.
+    """
+    if form in {"", "b"} or form[0] == "=":
+        return [raw] if form == "b" else [int(value) for value in form[1:]]
+    if form.strip("sn"):
         try:
             return list(struct.unpack_from(f"<{form}", raw))
         except struct.error:
-            raise ApiError(f"it came with {len(raw)} bytes, which are no {form!r}") from None
-    names = raw.split(b"\0", len(form))
+            raise ApiError(f"the command has {len(raw)} bytes, which are no {form!r}") from None
+    names = [name.decode(errors="replace") for name in raw.split(b"\0", len(form))]
     if len(names) <= len(form):
-        raise ApiError(f"it came with {len(names) - 1} names instead of {len(form)}")
-    return [name.decode(errors="replace") for name in names[: len(form)]]
+        raise ApiError(f"the command has {len(names) - 1} names instead of {len(form)}")
+    return names[: len(form)] if form != "n" or names[0] else []
+
+
+def _pack(form: str, values: Iterable[Any]) -> bytes:
+    """Return values, in lists or not, as bytes.
+
+    form: `3f` for three numbers, `f` or `i` for any number, `c` for whole ones behind their count;
+    `t`: the first, a text; `z`: and a zero; `p`: pixels and their size. Raises ApiError.
+    """
+    flat = _flat(values)
+    kind, count = form[-1], int(form[:-1] or len(flat))
+    try:
+        if kind in "tz":
+            text = flat[0].encode() if isinstance(flat[0], str) else memoryview(flat[0])
+            return bytes(text) + b"\0" * (kind == "z")
+        if kind == "p":
+            return _pack("2i", flat[1:]) + _pack("t", flat)
+        if kind == "c":
+            return _pack("i", [count, *flat])
+        numbers = [float(v) if kind == "f" else int(v) for v in flat[:count]]
+        return struct.pack(f"<{count}{kind}", *numbers)
+    except (IndexError, TypeError, ValueError, OverflowError, struct.error):
+        raise ApiError(f"the function returned {str(flat)[:80]}, which is no {form!r}") from None
 
 
 def _flat(values: Iterable[Any]) -> list[Any]:
     """Return values with the lists among them opened."""
     return list(chain.from_iterable(v if isinstance(v, list | tuple) else (v,) for v in values))
-
-
-def _pack(form: str, values: Iterable[Any]) -> bytes:
-    """Return numbers as bytes. form: `f` or `i` for any number of them, `3f` for just three."""
-    flat = _flat(values)
-    kind, count = form[-1], form[:-1] or len(flat)
-    try:
-        numbers = [float(v) if kind == "f" else int(v) for v in flat]
-        return struct.pack(f"<{count}{kind}", *numbers)
-    except (TypeError, ValueError, OverflowError, struct.error):
-        raise ApiError(f"its result is {flat!r}, which is no {count}{kind}") from None
-
-
-def _text(values: Sequence[Any]) -> bytes:
-    """Return the first value, text or bytes, as bytes. Raises ApiError if there is none."""
-    if not values or not isinstance(values[0], str | bytes):
-        raise ApiError("it has no text as its result")
-    return values[0].encode() if isinstance(values[0], str) else values[0]
 
 
 def _found(result: int) -> bytes:
@@ -79,30 +82,21 @@ def _vector(value: Any) -> Sequence[float]:
     return value or (0.0, 0.0, 0.0)
 
 
-# --- functions that are no plain call --------------------------------------------------------
+def _first(call: Call, *tries: tuple[str, Sequence[Any]]) -> list[Any]:
+    """Return the results of the first call that succeeds. Raises ApiError of the last."""
+    for function, args in tries[:-1]:
+        with contextlib.suppress(ApiError):
+            return call(function, args)
+    return call(*tries[-1])
 
 
 def _object(call: Call, name: str) -> list[Any]:
     """Find an object by a path, or by a name of old: `joint#0` was the second joint."""
-    base, mark, copy = name.rpartition("#")
-    tries: list[list[Any]] = [[name if name[:1] in {"/", ".", ":"} else f"/{name}"]]
-    if mark:
-        index = int(copy) + 1 if copy.isdecimal() else 0
-        tries += [[f"/{base}", {"index": index}], [f"/{base}"]]
-    for args in tries[:-1]:
-        try:
-            return call("getObject", args)
-        except ApiError:
-            continue
-    return call("getObject", tries[-1])
-
-
-def _collection(call: Call, name: str) -> list[Any]:
-    """Find a collection; of those without a name a signal has the number."""
-    try:
-        return call("getCollectionHandle", [name])
-    except ApiError:
-        return call("getInt32Signal", [name])
+    path = name if name[:1] in {"/", ".", ":"} else f"/{name}"
+    base, mark, copy = path.rpartition("#")
+    index = {"index": int(copy) + 1 if copy.isdecimal() else 0}
+    tries: list[list[Any]] = [[path], [base, index], [base]] if mark else [[path]]
+    return _first(call, *(("getObject", args) for args in tries))
 
 
 def _of_type(call: Call, kind: int) -> list[Any]:
@@ -110,24 +104,17 @@ def _of_type(call: Call, kind: int) -> list[Any]:
 
 
 def _copies(call: Call, handles: bytes) -> list[Any]:
-    return _flat(call("copyPasteObjects", [_read(f"{len(handles) // 4}i", handles), 0]))
+    return call("copyPasteObjects", [_read(f"{len(handles) // 4}i", handles), 0])
 
 
-def _counted(found: Callable[..., list[Any]]) -> Callable[..., bytes]:
-    return lambda call, arg: _pack("i", [len(handles := found(call, arg)), *handles])
+def _collection(call: Call, name: str) -> list[Any]:
+    """Find a collection; of those without a name a signal has the number."""
+    return _first(call, ("getCollectionHandle", [name]), ("getInt32Signal", [name]))
 
 
 def _place(function: str) -> Callable[..., list[Any]]:
     """Return a command that sets a vector relative to an object."""
     return lambda call, handle, to, *values: call(function, [handle, list(values), to])
-
-
-def _image(function: str, options: int) -> Callable[[Call, int], bytes]:
-    def read(call: Call, handle: int) -> bytes:
-        pixels, size = call(function, [handle, options])[:2]
-        return _pack("2i", size) + _text([pixels])
-
-    return read
 
 
 def _vision(call: Call, handle: int) -> bytes:
@@ -138,22 +125,17 @@ def _vision(call: Call, handle: int) -> bytes:
 
 def _proximity(call: Call, handle: int) -> bytes:
     found, _, point, other, normal = call("readProximitySensor", [handle])
-    return (
-        _found(found)
-        + _pack("3f", _vector(point))
-        + _pack("1i", [other or 0])
-        + _pack("3f", _vector(normal))
-    )
+    place, turned = _pack("3f", _vector(point)), _pack("3f", _vector(normal))
+    return _found(found) + place + _pack("1i", [other or 0]) + turned
 
 
-def _force(call: Call, handle: int) -> bytes:
-    found, force, torque = call("readForceSensor", [handle])
-    return _found(found) + _pack("6f", [_vector(force), _vector(torque)])
+def _force(found: int, *vectors: Any) -> bytes:
+    return _found(found) + _pack("6f", map(_vector, vectors))
 
 
 def _take(call: Call, name: str) -> bytes:
     """Return a string signal, and clear it."""
-    value = _text(call("getStringSignal", [name]))
+    value = _pack("t", call("getStringSignal", [name]))
     call("clearStringSignal", [name])
     return value
 
@@ -167,13 +149,8 @@ def _stream(call: Call, name: str) -> bytes:
 
 
 def _append(call: Call, name: str, more: bytes) -> None:
-    before = next(iter(call("getStringSignal", [name])), None)
-    call("setStringSignal", [name, (_text([before]) if before else b"") + more])
-
-
-def _clear(function: str) -> Callable[[Call, str], list[Any]]:
-    """Return a command that clears a signal, or all if it names none."""
-    return lambda call, name: call(function, [name] if name else [])
+    (before,) = call("getStringSignal", [name]) or [None]
+    call("setStringSignal", [name, _pack("t", [before or b""]) + more])
 
 
 def _script(call: Call, named: bytes, data: bytes) -> bytes:
@@ -191,75 +168,55 @@ def _script(call: Call, named: bytes, data: bytes) -> bytes:
     name = f"{function}@{script}" if script else function
     results = [*call("callScriptFunction", [name, where, *args]), None, None, None, None]
     gives = [result or [] for result in results[:3]]
-    last = _text([results[3] or b""])
+    last = _pack("t", [results[3] or b""])
     counts = _pack("4i", [*map(len, gives), len(last)])
-    ends = [_text([text]).partition(b"\0")[0] + b"\0" for text in gives[2]]
+    ends = [_pack("z", [text]) for text in gives[2]]
     return b"".join([counts, _pack("i", gives[0]), _pack("f", gives[1]), *ends, last])
 
 
-# --- data of many objects --------------------------------------------------------------------
-
-
-def _floats(*reads: str, args: Sequence[int] = ()) -> Rows:
-    """Return how to read numbers with some functions, each given the object and `args`."""
-    return lambda call, handle: (
-        [],
-        [value for read in reads for value in _flat(call(f"get{read}", [handle, *args]))],
-        [],
-    )
-
-
-def _only(kind: int, read: Rows, ints: int, floats: int) -> Rows:
-    """Return how to read objects of a type; the others give -1 and 0.0."""
-
-    def run(call: Call, handle: int) -> Row:
-        if call("getObjectType", [handle])[0] == kind:
-            return read(call, handle)
-        return [-1] * ints, [0.0] * floats, []
-
-    return run
-
-
-def _proximity_row(call: Call, handle: int) -> Row:
-    found, _, point, other, normal = call("readProximitySensor", [handle])
-    return [found, other or 0], [*_vector(point), *_vector(normal)], []
-
-
-_ROWS: dict[int, Rows] = {
-    0: lambda call, handle: ([], [], call("getObjectAlias", [handle])),
-    1: lambda call, handle: (call("getObjectType", [handle]), [], []),
-    2: lambda call, handle: (call("getObjectParent", [handle]), [], []),
-    13: _only(_PROXIMITY_SENSOR, _proximity_row, 2, 6),
-    15: _only(_JOINT, _floats("JointPosition", "JointForce"), 0, 2),
-    17: lambda call, handle: ([], call("getObjectVelocity", [handle])[0], []),
-    18: lambda call, handle: ([], call("getObjectVelocity", [handle])[1], []),
-    19: _floats("ObjectVelocity"),
-    20: lambda call, handle: ([], [], call("getObjectAlias", [handle])),
-    21: lambda call, handle: ([], [], call("getObjectAlias", [handle, 2])),
+_DATA = """0 ObjectAlias 1 ObjectType 2 ObjectParent 3 ObjectPosition 5 ObjectOrientation
+7 ObjectQuaternion 9 ObjectPosition+ObjectOrientation 11 ObjectPosition+ObjectQuaternion
+15 JointPosition+JointForce 17 ObjectVelocity 19 ObjectVelocity 20 ObjectAlias 21 ObjectAlias"""
+"""Number of a kind of data, and what to read for it."""
+_READS = {
+    int(kind): reads.split("+") for kind, reads in zip(*[iter(_DATA.split())] * 2, strict=True)
 }
-for _at, _what in ((3, "Position"), (5, "Orientation"), (7, "Quaternion")):
-    for _more, _to in enumerate((_WORLD, _PARENT)):
-        _ROWS[_at + _more] = _floats(f"Object{_what}", args=[_to])
-        if _what != "Position":
-            _ROWS[_at + 4 + _more] = _floats("ObjectPosition", f"Object{_what}", args=[_to])
+_READS |= {kind + 1: _READS[kind] for kind in (3, 5, 7, 9, 11, 17)}
+_OPTIONS = {21: 2} | {kind: _WORLD if kind % 2 else _PARENT for kind in range(3, 13)}
+_ONLY = {13: (_PROXIMITY_SENSOR, 2, 6), 15: (_JOINT, 0, 2)}
+"""Data that one type of objects has; the others give so often -1 and 0.0."""
+
+
+def _row(call: Call, handle: int, kind: int) -> tuple[list[Any], list[Any], list[Any]]:
+    """Return whole numbers, numbers and texts about an object."""
+    if kind in _ONLY:
+        only, ints, floats = _ONLY[kind]
+        if call("getObjectType", [handle])[0] != only:
+            return [-1] * ints, [0.0] * floats, []
+    if kind == 13:
+        found, x, y, z, other, *normal = struct.unpack("<B3fi3f", _proximity(call, handle))
+        return [found, other], [x, y, z, *normal], []
+    args = [handle, _OPTIONS[kind]] if kind in _OPTIONS else [handle]
+    values = [v for read in _READS[kind] for v in _flat(call(f"get{read}", args))]
+    if kind in {0, 1, 2, 20, 21}:
+        return ([], [], values) if isinstance(values[0], str) else (values, [], [])
+    return [], values[3 if kind == 18 else 0 : 3 if kind == 17 else None], []
 
 
 def _group(call: Call, group: int, kind: int) -> bytes:
     """Read something of all objects of a type or in a collection."""
-    if kind not in _ROWS:
+    if kind != 13 and kind not in _READS:
         raise ApiError(f"there is no data type {kind}")
     if 0 <= group < _END_OF_TYPES or group == _ALL_OBJECTS:
         handles = _of_type(call, group)
     else:
         handles = _flat(call("getCollectionObjects", [group]))
-    rows = [_ROWS[kind](call, handle) for handle in handles]
+    rows = [_row(call, handle, kind) for handle in handles]
     ints, floats, texts = ([value for row in rows for value in row[at]] for at in range(3))
     counts = _pack("4i", [len(handles), len(ints), len(floats), len(texts)])
-    names = (_text([text]) + b"\0" for text in texts)
+    names = (_pack("z", [text]) for text in texts)
     return b"".join([counts, _pack("i", handles), _pack("i", ints), _pack("f", floats), *names])
 
-
-# --- all commands ----------------------------------------------------------------------------
 
 _PLAIN = """
 0005 closeScene - - -   0009 createDummy - f 1i   1001 getJointPosition i - 1f
@@ -276,36 +233,30 @@ _PLAIN = """
 200e getObjectPosition 2i - 3f   2801 getObjectQuaternion 2i - 4f   3002 loadScene s - -
 3003 loadModel s - 1i   300a getCollisionHandle s - 1i   300b getDistanceHandle s - 1i
 3010 getFloatSignal s - 1f   3011 getInt32Signal s - 1i   3013 setFloatSignal s f -
-3014 setInt32Signal s i -   3015 setStringSignal s b -
+3014 setInt32Signal s i -   3015 setStringSignal s b -   3012 getStringSignal s - t
+300d clearFloatSignal n - -   300e clearInt32Signal n - -   300f clearStringSignal n - -
+1003 getVisionSensorImg i =1 p   1004 getVisionSensorImg i =0 p   1025 getStringParam i - z
+1017 getVisionSensorDepth i =0 p   200f checkCollision 2i - 1i
 """
 """Number and function, what the command is named by, its data, its answer's; - is nothing."""
 _TABLE: dict[int, tuple[str | Callable[..., Any], str, str, str]] = {
-    0x1003: (_image("getVisionSensorImg", 1), "i", "", ""),
-    0x1004: (_image("getVisionSensorImg", 0), "i", "", ""),
     RUN_STATE: (lambda call, which: call(_RUN_STATES.get(which, "?"), []), "i", "", ""),
     0x1009: (_proximity, "i", "", ""),
     # The most force: its sign is that of the target velocity.
     0x100E: (lambda call, *args: call("setJointTargetForce", [*args, False]), "i", "f", ""),
-    0x100F: (_force, "i", "", ""),
+    0x100F: (lambda call, h: _force(*call("readForceSensor", [h])), "i", "", ""),
     0x1011: (_vision, "i", "", ""),
-    0x1017: (_image("getVisionSensorDepth", 0), "i", "", ""),
     0x101A: (_place("setObjectOrientation"), "i", "i3f", ""),
     0x101B: (_place("setObjectPosition"), "i", "i3f", ""),
     0x101E: (lambda call, *args: call("setArrayParam", [args[0], list(args[1:])]), "i", "3f", ""),
-    0x1025: (lambda call, *args: _text(call("getStringParam", args)) + b"\0", "i", "", ""),
     0x1028: (lambda call, handle: call("removeObjects", [[handle]]), "i", "", ""),
-    0x102A: (_counted(_of_type), "i", "", ""),
-    0x102E: (_counted(_copies), "", "b", ""),
+    0x102A: (_of_type, "i", "", "c"),
+    0x102E: (_copies, "", "b", "c"),
     0x1801: (_place("setObjectQuaternion"), "i", "i4f", ""),
     0x200C: (_group, "2i", "", ""),
-    0x200F: (lambda call, *args: call("checkCollision", args)[:1], "2i", "", "1i"),
     0x2010: (lambda call, *args: call("checkDistance", [*args, 0.0])[1][6:], "2i", "", "1f"),
     0x3001: (_object, "s", "", "1i"),
     0x3008: (lambda call, text: call("addLog", [_SCRIPT_INFOS, text]), "s", "", ""),
-    0x300D: (_clear("clearFloatSignal"), "s", "", ""),
-    0x300E: (_clear("clearInt32Signal"), "s", "", ""),
-    0x300F: (_clear("clearStringSignal"), "s", "", ""),
-    0x3012: (lambda call, name: _text(call("getStringSignal", [name])), "s", "", ""),
     0x3016: (_append, "s", "b", ""),
     GET_AND_CLEAR: (_take, "s", "", ""),
     0x3018: (_stream, "s", "", ""),
@@ -335,7 +286,10 @@ def run(call: Call, number: int, named: bytes, data: bytes) -> bytes:
         raise ApiError(f"simx{name} is not served")
     function, identity, takes, gives = _TABLE[number]
     args = _read(identity, named) + _read(takes, data)
-    result = call(function, args) if isinstance(function, str) else function(call, *args)
+    try:
+        result = call(function, args) if isinstance(function, str) else function(call, *args)
+    except (IndexError, TypeError, ValueError) as exc:
+        raise ApiError(f"command {number:#06x} of the legacy API: {exc!r}") from exc
     if isinstance(result, bytes):
         return result
     return _pack(gives, result) if gives else b""

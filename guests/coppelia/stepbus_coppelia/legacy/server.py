@@ -1,17 +1,18 @@
 """Connections of the legacy remote API.
 
-A client sends one message per cycle, even an empty one, and reads one answer to each. An answer
-that is held back therefore holds its client. That is how a trigger waits for its step: its answer
-has all that the client streams as it is after the step.
+A client sends a message per cycle, if an empty one, and reads one answer to each. To hold back an
+answer is to hold the client. So waits a trigger for its step: what comes with its answer is how
+all that the client streams is after the step.
 """
 
 import contextlib
+import functools
 import select
 import socket
 import struct
 import time
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 from stepbus_coppelia.clients import ApiError, Client, Simulator
@@ -26,44 +27,24 @@ _HEAVY = 4096
 _LAST_ERRORS = 50
 _STOPPED, _PAUSED, _ADVANCING = 0, 8, 16
 _START, _STOP = b"\0", b"\2"
-_GONE = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
-
-
-class _Stream:
-    """A command that is run again and again. sent: simulation time [s]; before 0: not yet."""
-
-    def __init__(self, command: wire.Command) -> None:
-        self.command = command
-        self.sent = -1.0
-        self.heavy = False
-
-    def is_due(self, now: float) -> bool:
-        """Return whether to run it in a simulation that advances. now: simulation time [s]."""
-        passed_ms = (now - self.sent) * 1000.0
-        new = self.sent < 0.0 or passed_ms < 0.0
-        return new or (
-            passed_ms + 1e-6 >= self.command.period and not (self.heavy and not passed_ms)
-        )
 
 
 class _Connection(Client):
-    """A client, its streams and what is to be sent to it.
-
-    held: the message that waits for a step or a new state, and its answers. left: it has said so.
-    """
+    """A client, its streams and what is to be sent to it. held: the message not yet answered."""
 
     def __init__(self, simulator: Simulator, link: socket.socket, name: str) -> None:
         self.name = name
         self.heard = time.monotonic()
         self.link = link
         self.out = bytearray()
-        self.inbox = wire.Inbox()
-        self.held: tuple[tuple[int, int], list[wire.Answer]] | None = None
-        self.left = False
-        self.mask = 0
+        self.held: wire.Origin | None = None
+        self.has_finished = False
         self._simulator = simulator
-        self._streams: dict[tuple[int, bytes], _Stream] = {}
-        self._size = 0
+        self._inbox = wire.Inbox()
+        self._answers: list[wire.Command] = []
+        # the command, when it was last sent [s], before 0: not yet, and whether it is heavy
+        self._streams: dict[tuple[int, bytes], tuple[wire.Command, float, bool]] = {}
+        self._room = wire.MOST_BYTES
         self._errors: deque[bytes] = deque(maxlen=_LAST_ERRORS)
 
     def read(self) -> None:
@@ -71,106 +52,91 @@ class _Connection(Client):
         data = self.link.recv(_CHUNK)
         if not data:
             raise wire.FrameError("has closed its connection")
+        # It sends a long message in pieces, each after word of the last.
+        self.link.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         self.heard = time.monotonic()
-        self.inbox.add(data)
+        self._inbox.bytes += data
 
     def serve(self) -> None:
-        """Answer what was read, as far as nothing waits and all is sent. Raises FrameError."""
+        """Answer what was read, while nothing waits and all can be sent. Raises FrameError."""
         self._send()
-        while not self.held and not self.out and (message := self.inbox.message()):
-            self._take(*message)
-            self._send()
+        while not self.held and not self.out and (message := self._inbox.message()):
+            self.held, commands = message
+            waits = [self._run(command) for command in commands if not self.has_finished]
+            if not any(waits):
+                self.answer()
+
+    def answer(self) -> None:
+        """Answer the message that was held, with what is streamed. Raises FrameError, OSError."""
+        now, state = self._simulator.time, self._simulator.state
+        for key, (command, sent, heavy) in list(self._streams.items()):
+            passed_ms = (now - sent) * 1000.0
+            waits = passed_ms + 1e-6 < command.period or (heavy and not passed_ms)
+            if waits and sent >= 0.0 and passed_ms >= 0.0 and state != _STOPPED:
+                continue
+            answer = self._call(command)
+            self._streams[key] = command, now, len(answer.data) > _HEAVY
+            if key[0] == functions.GET_AND_CLEAR and not answer.failed:
+                del self._streams[key]
+        bits = (state != _STOPPED) | (state == _PAUSED) << 1
+        time_ms = round(now * 1000.0) & 0x7FFFFFFF if state != _STOPPED else 0
+        self.out += wire.packets(self.held or (0, 0), time_ms, bits, self._answers)
+        self.held, self.waits, self._answers, self._room = None, False, [], wire.MOST_BYTES
+        self._send()
 
     def _send(self) -> None:
-        if self.out and not self.held:
+        if self.out:
             with contextlib.suppress(BlockingIOError):
                 del self.out[: self.link.send(self.out)]
 
-    def _take(self, message: tuple[int, int], commands: list[wire.Command]) -> None:
-        """Run the commands of a message and answer it, unless that has to wait."""
-        answers: list[wire.Answer] = []
-        self.held = message, answers
-        self._size = 0
-        waits = False
-        for command in commands if not self.left else ():
-            key = command.number, command.identity
-            self._streams.pop(key, None)
-            if command.mode in {wire.STREAMING, wire.STREAMING_SPLIT}:
-                self._streams[key] = _Stream(command)
-            elif command.mode == wire.DISCONTINUE:
-                answers.append(wire.Answer(command))
-            else:
-                waits |= self._run(command, answers)
-        if len(self._streams) > _MOST_STREAMS:
-            raise wire.FrameError(f"streams more than {_MOST_STREAMS} commands")
-        if not waits:
-            self.answer()
-
-    def answer(self) -> None:
-        """Answer the message that was held, with all that is streamed."""
-        if self.held is None:
-            return
-        now, state = self._simulator.time, self._simulator.state
-        message, answers = self.held
-        for key, stream in list(self._streams.items()):
-            if state == _STOPPED or stream.is_due(now):
-                answers.append(self._call(stream.command))
-                stream.sent, stream.heavy = now, len(answers[-1].data) > _HEAVY
-                if key[0] == functions.GET_AND_CLEAR and not answers[-1].failed:
-                    del self._streams[key]
-        self.held, self.waits = None, False
-        bits = (state != _STOPPED) | (state == _PAUSED) << 1
-        time_ms = round(now * 1000.0) & 0x7FFFFFFF if state != _STOPPED else 0
-        self.out += wire.packets(message, time_ms, bits, answers)
-
-    def _run(self, command: wire.Command, answers: list[wire.Answer]) -> bool:
-        """Run a command once; return whether its answer has to wait."""
-        number, simulator = command.number, self._simulator
-        if number == functions.FINISH:
-            self.left = True
+    def _run(self, command: wire.Command) -> bool:
+        """Take a command; return whether its answer has to wait."""
+        key, simulator = (command.number, command.name), self._simulator
+        self._streams.pop(key, None)
+        if command.mode in {wire.STREAMING, wire.STREAMING_SPLIT}:
+            self._streams[key] = command, -1.0, False
+            if len(self._streams) > _MOST_STREAMS:
+                raise wire.FrameError(f"streams more than {_MOST_STREAMS} commands")
+            return False
+        if command.number == functions.FINISH:
+            self.has_finished = True
             simulator.leave(self, "has finished")
             return False
-        if number == functions.TRIGGER:
-            self.waits = self.level > 0 and bool(simulator.state & _ADVANCING)
-            answers.append(wire.Answer(command, failed=not self.waits))
+        if self._call(command).failed or command.number != functions.RUN_STATE:
             return self.waits
-        if number in {functions.ENABLE, functions.DISABLE}:
+        # It is answered when that is done: a trigger may follow at once.
+        starts = command.name[:1] == _START and not simulator.state & _ADVANCING
+        return starts or (command.name[:1] == _STOP and simulator.state != _STOPPED)
+
+    def _call(self, command: wire.Command) -> wire.Command:
+        """Run a command; return the answer, which is kept."""
+        number, data, failed = command.number, b"", False
+        if number == functions.TRIGGER:
+            self.waits = self.level > 0 and bool(self._simulator.state & _ADVANCING)
+            failed = not self.waits
+        elif number in {functions.ENABLE, functions.DISABLE}:
             self.level = int(number == functions.ENABLE)
-            answers.append(wire.Answer(command))
-            return False
-        answers.append(self._call(command))
-        # Whoever starts or stops it is answered when it has: a trigger may follow at once.
-        which = command.identity[:1] if number == functions.RUN_STATE else b""
-        return not answers[-1].failed and (
-            (which == _START and not simulator.state & _ADVANCING)
-            or (which == _STOP and simulator.state != _STOPPED)
-        )
-
-    def _call(self, command: wire.Command) -> wire.Answer:
-        """Call a function and return the answer. Raises FrameError when that is too long."""
-
-        def call(function: str, args: Sequence[Any]) -> list[Any]:
-            return self._simulator.call(self, function, args)
-
-        try:
-            if command.number == functions.LAST_ERRORS:
-                data = struct.pack("<i", len(self._errors)) + b"".join(self._errors)
-                self._errors.clear()
-            else:
-                data = functions.run(call, command.number, command.identity, command.data)
-        except ApiError as exc:
-            self._errors.append(str(exc).encode() + b"\0")
-            return wire.Answer(command, failed=True)
-        self._size += len(data)
-        if self._size > wire.MOST_BYTES:
+        elif number == functions.LAST_ERRORS:
+            data = struct.pack("<i", len(self._errors)) + b"".join(self._errors)
+            self._errors.clear()
+        elif command.mode != wire.DISCONTINUE:
+            try:
+                call = functools.partial(self._simulator.call, self)
+                data = functions.run(call, number, command.name, command.data)
+            except ApiError as exc:
+                self._errors.append(str(exc).encode() + b"\0")
+                failed = True
+        self._room -= len(data)
+        if self._room < 0:
             raise wire.FrameError(f"asks for more than {wire.MOST_BYTES} bytes at once")
-        return wire.Answer(command, data)
+        self._answers.append(command._replace(data=data, failed=failed))
+        return self._answers[-1]
 
 
 class LegacyEndpoint:
     """A port for clients of the legacy remote API, on this machine only.
 
-    port: 0 for a free one, as it then says. Raises OSError if the port is taken.
+    port: 0 for a free one, which it then has. Raises OSError if it is taken.
     """
 
     def __init__(self, simulator: Simulator, port: int = PORT) -> None:
@@ -179,7 +145,7 @@ class LegacyEndpoint:
         self._listener.setblocking(False)
         self.port: int = self._listener.getsockname()[1]
         self._connections: dict[int, _Connection] = {}
-        # It is readable when any of them is, or when one that was slow to read can be written to.
+        # It can be read when any of them can, or when one that was slow to read can be written to.
         self._poll = select.epoll()
         self._poll.register(self._listener, select.EPOLLIN)
 
@@ -190,64 +156,54 @@ class LegacyEndpoint:
     def receive(self, socket: Any) -> None:
         """Take and answer what has arrived, without blocking."""
         for number, events in self._poll.poll(0):
-            connection = self._connections.get(number)
-            if connection is None:
+            if number == self._listener.fileno():
                 self._accept()
-            elif events & select.EPOLLIN:
-                self._serve(connection, reads=True)
-            elif events & _GONE:
-                self._drop(connection, "has closed its connection")
-            else:
-                self._serve(connection)
+            elif connection := self._connections.get(number):
+                gone = events & ~(select.EPOLLIN | select.EPOLLOUT)
+                self._serve(connection, reads=bool(events & select.EPOLLIN or gone))
 
     def stepped(self) -> None:
         """Answer who waited."""
-        for connection in [c for c in self._connections.values() if c.held]:
-            self._serve(connection, held=True)
+        for connection in list(self._connections.values()):
+            if connection.held:
+                self._serve(connection)
 
     def close(self) -> None:
         """Close all connections."""
-        for link in [*(c.link for c in self._connections.values()), self._listener]:
-            link.close()
+        for connection in self._connections.values():
+            connection.link.close()
+        self._listener.close()
         self._poll.close()
 
     def _accept(self) -> None:
-        try:
+        with contextlib.suppress(OSError):
             link, (host, port) = self._listener.accept()
-        except OSError:
-            return
-        if len(self._connections) >= _MOST_CLIENTS:
-            link.close()
-            return
-        link.setblocking(False)
-        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        name = f"client {len(self._simulator.clients) + 1} (legacy, {host}:{port})"
-        connection = _Connection(self._simulator, link, name)
-        self._connections[link.fileno()] = connection
-        self._poll.register(link, select.EPOLLIN)
-        self._simulator.join(connection)
+            if len(self._connections) >= _MOST_CLIENTS:
+                link.close()
+                return
+            link.setblocking(False)
+            link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            name = f"client {len(self._simulator.clients) + 1} (legacy, {host}:{port})"
+            connection = _Connection(self._simulator, link, name)
+            self._connections[link.fileno()] = connection
+            self._poll.register(link, select.EPOLLIN)
+            self._simulator.join(connection)
 
-    def _serve(self, connection: _Connection, *, reads: bool = False, held: bool = False) -> None:
-        """Read from a client, answer what it sent, and send what it can take."""
+    def _serve(self, connection: _Connection, *, reads: bool = False) -> None:
+        """Read from a client or answer what is held, and then all that it has sent."""
         try:
             if reads:
                 connection.read()
-            if held:
+            elif connection.held:
                 connection.answer()
             connection.serve()
         except (wire.FrameError, OSError) as exc:
-            self._drop(connection, exc.strerror or "" if isinstance(exc, OSError) else str(exc))
+            del self._connections[connection.link.fileno()]
+            connection.link.close()
+            if not connection.has_finished:
+                self._simulator.leave(connection, str(exc))
             return
-        if connection.held:
-            mask = select.EPOLLRDHUP
-        else:
-            mask = select.EPOLLOUT | select.EPOLLRDHUP if connection.out else select.EPOLLIN
-        if mask != connection.mask:
-            self._poll.modify(connection.link, mask)
-            connection.mask = mask
-
-    def _drop(self, connection: _Connection, why: str) -> None:
-        del self._connections[connection.link.fileno()]
-        connection.link.close()
-        if not connection.left:
-            self._simulator.leave(connection, why)
+        # Nothing more is taken from who waits or is slow; that it has gone is seen all the same.
+        free = not connection.held and not connection.out
+        writes = select.EPOLLOUT if connection.out else 0
+        self._poll.modify(connection.link, select.EPOLLIN if free else select.EPOLLRDHUP | writes)

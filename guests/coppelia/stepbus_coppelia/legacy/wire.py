@@ -1,8 +1,8 @@
 """The frames of the legacy remote API.
 
-A message goes in packets, each behind u16 1 (which shows the byte order), u16 its size and u16 how
-many follow. It is a header and commands; a command is a header, what identifies it (handles or
-zero-terminated names) and its data. All numbers are little-endian.
+A message goes in packets, each behind u16 1 (it shows the byte order), u16 its size and u16 how
+many follow. It is a header and commands; a command is a header, what names it (handles or
+zero-terminated texts) and its data. All numbers are little-endian.
 """
 
 import struct
@@ -13,40 +13,36 @@ MOST_BYTES = 64 << 20
 """Longest message, and most that a client may have sent of commands not yet complete."""
 _MOST_COMMANDS = 4096
 """Most commands in a message: they run before another client is served."""
-
-# mode of a command
+_MOST_PARTS = 64
+_LONGEST_PACKET = 30000
+"""The client reads the size as a signed number."""
+_VERSION = 11
 STREAMING, STREAMING_SPLIT, DISCONTINUE = 2, 4, 5
+"""Modes of commands."""
 
 _PACKET = struct.Struct("<HHH")
 _HEADER = struct.Struct("<HBiiiHB")
-"""checksum (unused), version, message, client's time, server's time [ms], scene, state."""
+"""Checksum (unused), version, number, client's and server's time [ms], scene, state."""
 _COMMAND = struct.Struct("<iiHiiHiBB")
-"""size, size of the whole, of what identifies it, offset of the data, mode and number, period [ms]
-or longest part, simulation time [ms], flags, unused."""
-_VERSION = 11
-_LONGEST_PACKET = 30000 - _PACKET.size
-"""The client reads the size as a signed number."""
+"""Size, size of the whole, of the name, place of the data in the whole, number and mode, period
+[ms] or longest part, simulation time [ms], whether it failed, unused."""
+
+Origin = tuple[int, int]
+"""The number of a message and its client's time [ms], which an answer repeats."""
 
 
 class FrameError(Exception):
-    """A client breaks the rules of the frames; the text ends a sentence about it."""
+    """A client breaks the rules, or has gone; the text follows its name."""
 
 
 class Command(NamedTuple):
-    """A command. period: of a stream [ms]."""
+    """A command, or the answer to it. period: of a stream [ms]."""
 
     number: int
-    identity: bytes
+    mode: int
+    name: bytes
     data: bytes = b""
-    mode: int = 0
     period: int = 0
-
-
-class Answer(NamedTuple):
-    """The answer to a command."""
-
-    command: Command
-    data: bytes = b""
     failed: bool = False
 
 
@@ -54,95 +50,70 @@ class Inbox:
     """What has arrived from a client."""
 
     def __init__(self) -> None:
-        self._bytes = bytearray()
+        self.bytes = bytearray()
         self._message = bytearray()
         self._parts: dict[tuple[int, bytes], bytearray] = {}
 
-    def add(self, data: bytes) -> None:
-        """Take bytes as they arrive."""
-        self._bytes += data
-
-    def message(self) -> tuple[tuple[int, int], list[Command]] | None:
-        """Return the next message: its number and its client's time, and its commands.
-
-        None: it is not yet complete. Raises FrameError.
-        """
-        while len(self._bytes) >= _PACKET.size:
-            one, size, follow = _PACKET.unpack_from(self._bytes)
+    def message(self) -> tuple[Origin, list[Command]] | None:
+        """Return the next message, if it is complete. Raises FrameError."""
+        while len(self.bytes) >= _PACKET.size:
+            one, size, follow = _PACKET.unpack_from(self.bytes)
             if one != 1:
                 raise FrameError(f"sent a packet that starts with {one} instead of 1")
             end = _PACKET.size + size
-            if len(self._bytes) < end:
+            if len(self.bytes) < end:
                 break
-            self._message += self._bytes[_PACKET.size : end]
-            del self._bytes[:end]
+            self._message += self.bytes[_PACKET.size : end]
+            del self.bytes[:end]
             if len(self._message) > MOST_BYTES:
                 raise FrameError(f"sent a message of more than {MOST_BYTES} bytes")
             if not follow:
                 message, self._message = bytes(self._message), bytearray()
-                return self._read(message)
+                if len(message) < _HEADER.size:
+                    raise FrameError(f"sent a message of {len(message)} bytes")
+                return _HEADER.unpack_from(message)[2:4], list(self._commands(message))
         return None
 
-    def _read(self, message: bytes) -> tuple[tuple[int, int], list[Command]]:
-        if len(message) < _HEADER.size:
-            raise FrameError(f"sent a message of {len(message)} bytes, less than its header")
-        _, _, number, time_ms, *_ = _HEADER.unpack_from(message)
-        commands = list(self._commands(message))
-        if len(commands) > _MOST_COMMANDS:
-            raise FrameError(f"sent {len(commands)} commands at once; {_MOST_COMMANDS} may be")
-        return (number, time_ms), commands
-
     def _commands(self, message: bytes) -> Iterator[Command]:
-        at = _HEADER.size
-        while at < len(message):
-            room = len(message) - at - _COMMAND.size
-            if room < 0:
-                raise FrameError(f"sent a command of {room + _COMMAND.size} bytes")
-            size, whole, named, offset, code, period, *_ = _COMMAND.unpack_from(message, at)
-            start, end = at + _COMMAND.size, at + size
-            if not start + named <= end <= len(message) or not size <= whole <= MOST_BYTES:
-                raise FrameError(f"sent a command of {size} bytes (whole {whole}, name {named})")
-            identity = message[start : start + named]
-            data: bytes | None = message[start + named : end]
+        end = _HEADER.size
+        for _ in range(_MOST_COMMANDS):
+            at, data_at = end, end + _COMMAND.size
+            if at == len(message):
+                return
+            if data_at > len(message):
+                raise FrameError(f"sent a command of {len(message) - at} bytes")
+            size, whole, named, place, code, period, *_ = _COMMAND.unpack_from(message, at)
+            data_at, end = data_at + named, at + size
+            if not data_at <= end <= len(message) or not size <= whole <= MOST_BYTES:
+                raise FrameError(f"sent a command of {size} of {whole} bytes, {named} its name")
             number, mode = code & 0xFFFF, code >> 16
-            if size < whole:
-                data = self._whole((number, identity), message[start + named : end], offset, whole)
-            if data is not None:
-                period = period if mode == STREAMING else 0
-                yield Command(number, identity, data, mode, period)
-            at = end
+            name, data = message[data_at - named : data_at], message[data_at:end]
+            if size == whole:
+                yield Command(number, mode, name, data, period if mode == STREAMING else 0)
+            elif self._completes(part := (number, name), data, place, whole):
+                yield Command(number, mode, name, bytes(self._parts.pop(part)))
+        raise FrameError(f"sent more than {_MOST_COMMANDS} commands at once")
 
-    def _whole(self, key: tuple[int, bytes], data: bytes, offset: int, size: int) -> bytes | None:
-        """Add a part of a command; return the data if that was the last."""
+    def _completes(self, key: tuple[int, bytes], data: bytes, place: int, whole: int) -> bool:
+        """Add a part of a command; return whether that was the last."""
         part = self._parts.setdefault(key, bytearray())
-        if not offset:
-            part.clear()
-        if offset != len(part):
-            raise FrameError(f"sent byte {offset} of a command's data after byte {len(part)}")
+        del part[place:]
         part += data
-        if sum(map(len, self._parts.values())) > MOST_BYTES or len(self._parts) > _MOST_COMMANDS:
+        if sum(map(len, self._parts.values())) > MOST_BYTES or len(self._parts) > _MOST_PARTS:
             raise FrameError(f"sent more than {MOST_BYTES} bytes of incomplete commands")
-        if len(part) + len(key[1]) + _COMMAND.size < size:
-            return None
-        return bytes(self._parts.pop(key))
+        return len(part) + len(key[1]) + _COMMAND.size >= whole
 
 
-def packets(message: tuple[int, int], time_ms: int, state: int, answers: Sequence[Answer]) -> bytes:
-    """Return an answer to a message, in packets.
-
-    message: its number and its client's time. time_ms: simulation time. state: bits of the header.
-    """
-    parts = [_HEADER.pack(0, _VERSION, *message, time_ms, 0, state)]
-    for (number, identity, _, mode, _), data, failed in answers:
-        size = _COMMAND.size + len(identity) + len(data)
-        code = number | mode << 16
-        head = _COMMAND.pack(size, size, len(identity), 0, code, 0, time_ms, failed, 0)
-        parts += head, identity, data
-    whole = b"".join(parts)
-    starts = range(0, len(whole), _LONGEST_PACKET)
-    chunks = (whole[start : start + _LONGEST_PACKET] for start in starts)
-    left = range(len(starts) - 1, -1, -1)
+def packets(origin: Origin, time_ms: int, state: int, answers: Sequence[Command]) -> bytes:
+    """Return an answer to a message. time_ms: simulation time. state: bits of the header."""
+    parts = [_HEADER.pack(0, _VERSION, *origin, time_ms, 0, state)]
+    for number, mode, name, data, _, failed in answers:
+        size, code = _COMMAND.size + len(name) + len(data), number | mode << 16
+        head = _COMMAND.pack(size, size, len(name), 0, code, 0, time_ms, failed, 0)
+        parts += head, name, data
+    whole, length = b"".join(parts), _LONGEST_PACKET - _PACKET.size
+    chunks = [whole[start : start + length] for start in range(0, len(whole), length)]
+    left = range(len(chunks) - 1, -1, -1)
     return b"".join(
-        _PACKET.pack(1, len(chunk), follow) + chunk
-        for chunk, follow in zip(chunks, left, strict=True)
+        _PACKET.pack(1, len(chunk), n) + chunk for chunk, n in zip(chunks, left, strict=True)
     )
