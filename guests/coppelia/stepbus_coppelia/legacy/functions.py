@@ -12,16 +12,12 @@ Call = Callable[[str, Sequence[Any]], list[Any]]
 """Call a function by its name; raises ApiError."""
 
 ENABLE, DISABLE, TRIGGER, LAST_ERRORS, FINISH = 1, 2, 3, 4, 10
-"""Commands about the connection, which are not here."""
 RUN_STATE, GET_AND_CLEAR = 0x1007, 0x3017
+"""Numbers of commands; the first five are about the connection, and not here."""
 
-_WORLD, _ALL, _PARENT, _SCENE = -1, -2, -11, -12
-_ALL_OBJECTS, _END_OF_TYPES = 109, 18
-"""What else names all objects; from where on a number is a collection and no type of objects."""
-_JOINT, _PROXIMITY_SENSOR = 1, 5
-_RUN_STATES = {0: "startSimulation", 1: "pauseSimulation", 2: "stopSimulation"}
-_SCRIPT_INFOS = 450
-"""Verbosity of what a script says."""
+_WORLD, _ALL, _PARENT, _SCENE, _ALL_OBJECTS = -1, -2, -11, -12, 109
+_JOINT, _PROXIMITY_SENSOR, _END_OF_TYPES, _SCRIPT_INFOS = 1, 5, 18, 450
+_RUN_STATES = ("startSimulation", "pauseSimulation", "stopSimulation")
 
 
 def _read(form: str, raw: bytes) -> list[Any]:
@@ -70,16 +66,11 @@ def _flat(values: Iterable[Any]) -> list[Any]:
     return list(chain.from_iterable(v if isinstance(v, list | tuple) else (v,) for v in values))
 
 
-def _found(result: int) -> bytes:
-    """Return what a sensor found as a byte. Raises ApiError if it was never read."""
-    if result < 0:
+def _sensor(found: int, *vectors: Any) -> bytes:
+    """Return what a sensor found, and vectors, of zeros where it has none. Raises ApiError."""
+    if found < 0:
         raise ApiError("the sensor was never handled")
-    return bytes([result & 0xFF])
-
-
-def _vector(value: Any) -> Sequence[float]:
-    """Return a vector, of zeros where there is none."""
-    return value or (0.0, 0.0, 0.0)
+    return bytes([found & 0xFF]) + _pack("f", [vector or (0.0, 0.0, 0.0) for vector in vectors])
 
 
 def _first(call: Call, *tries: tuple[str, Sequence[Any]]) -> list[Any]:
@@ -103,10 +94,6 @@ def _of_type(call: Call, kind: int) -> list[Any]:
     return _flat(call("getObjectsInTree", [_SCENE, _ALL if kind == _ALL_OBJECTS else kind, 0]))
 
 
-def _copies(call: Call, handles: bytes) -> list[Any]:
-    return call("copyPasteObjects", [_read(f"{len(handles) // 4}i", handles), 0])
-
-
 def _collection(call: Call, name: str) -> list[Any]:
     """Find a collection; of those without a name a signal has the number."""
     return _first(call, ("getCollectionHandle", [name]), ("getInt32Signal", [name]))
@@ -119,18 +106,13 @@ def _place(function: str) -> Callable[..., list[Any]]:
 
 def _vision(call: Call, handle: int) -> bytes:
     found, *packets = call("readVisionSensor", [handle])
-    counts = _pack("i", [len(packets), *map(len, packets)])
-    return _found(found) + counts + _pack("f", packets)
+    return _sensor(found) + _pack("c", [*map(len, packets)]) + _pack("f", packets)
 
 
 def _proximity(call: Call, handle: int) -> bytes:
     found, _, point, other, normal = call("readProximitySensor", [handle])
-    place, turned = _pack("3f", _vector(point)), _pack("3f", _vector(normal))
-    return _found(found) + place + _pack("1i", [other or 0]) + turned
-
-
-def _force(found: int, *vectors: Any) -> bytes:
-    return _found(found) + _pack("6f", map(_vector, vectors))
+    parts = _sensor(found, point, normal)
+    return parts[:13] + _pack("1i", [other or 0]) + parts[13:]
 
 
 def _take(call: Call, name: str) -> bytes:
@@ -142,10 +124,9 @@ def _take(call: Call, name: str) -> bytes:
 
 def _stream(call: Call, name: str) -> bytes:
     """Return what a stream has; the client joins what it gets."""
-    try:
+    with contextlib.suppress(ApiError):
         return _take(call, name)
-    except ApiError:
-        return b""
+    return b""
 
 
 def _append(call: Call, name: str, more: bytes) -> None:
@@ -160,11 +141,8 @@ def _script(call: Call, named: bytes, data: bytes) -> bytes:
     ints, floats, texts, size = (max(count, 0) for count in _read("4i", data))
     numbers = _read(f"16x{ints}i{floats}f", data)
     rest = data[16 + 4 * len(numbers) :]
-    if texts > len(rest):
-        raise ApiError(f"it came with {len(rest)} bytes, too few for {texts} texts")
-    strings = _read("s" * texts, rest)
-    raw = rest.split(b"\0", texts)[-1][:size]
-    args = [numbers[:ints], numbers[ints:], strings, raw]
+    strings = _read("s" * min(texts, len(rest) + 1), rest)
+    args = [numbers[:ints], numbers[ints:], strings, rest.split(b"\0", texts)[-1][:size]]
     name = f"{function}@{script}" if script else function
     results = [*call("callScriptFunction", [name, where, *args]), None, None, None, None]
     gives = [result or [] for result in results[:3]]
@@ -240,18 +218,23 @@ _PLAIN = """
 """
 """Number and function, what the command is named by, its data, its answer's; - is nothing."""
 _TABLE: dict[int, tuple[str | Callable[..., Any], str, str, str]] = {
-    RUN_STATE: (lambda call, which: call(_RUN_STATES.get(which, "?"), []), "i", "", ""),
+    RUN_STATE: (lambda call, which: call(_RUN_STATES[which], []), "i", "", ""),
     0x1009: (_proximity, "i", "", ""),
     # The most force: its sign is that of the target velocity.
     0x100E: (lambda call, *args: call("setJointTargetForce", [*args, False]), "i", "f", ""),
-    0x100F: (lambda call, h: _force(*call("readForceSensor", [h])), "i", "", ""),
+    0x100F: (lambda call, h: _sensor(*call("readForceSensor", [h])), "i", "", ""),
     0x1011: (_vision, "i", "", ""),
     0x101A: (_place("setObjectOrientation"), "i", "i3f", ""),
     0x101B: (_place("setObjectPosition"), "i", "i3f", ""),
     0x101E: (lambda call, *args: call("setArrayParam", [args[0], list(args[1:])]), "i", "3f", ""),
     0x1028: (lambda call, handle: call("removeObjects", [[handle]]), "i", "", ""),
     0x102A: (_of_type, "i", "", "c"),
-    0x102E: (_copies, "", "b", "c"),
+    0x102E: (
+        lambda call, h: call("copyPasteObjects", [[*memoryview(h).cast("i")], 0]),
+        "",
+        "b",
+        "c",
+    ),
     0x1801: (_place("setObjectQuaternion"), "i", "i4f", ""),
     0x200C: (_group, "2i", "", ""),
     0x2010: (lambda call, *args: call("checkDistance", [*args, 0.0])[1][6:], "2i", "", "1f"),

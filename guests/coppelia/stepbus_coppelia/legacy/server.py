@@ -1,8 +1,8 @@
 """Connections of the legacy remote API.
 
-A client sends a message per cycle, if an empty one, and reads one answer to each. To hold back an
-answer is to hold the client. So waits a trigger for its step: what comes with its answer is how
-all that the client streams is after the step.
+A client sends a message per cycle, if an empty one, and reads one answer to each: to hold that
+back is to hold the client. So it waits for the step that it triggers, and gets, with the answer,
+all that it streams as that is after the step.
 """
 
 import contextlib
@@ -18,15 +18,10 @@ from typing import Any
 from stepbus_coppelia.clients import ApiError, Client, Simulator
 from stepbus_coppelia.legacy import functions, wire
 
-PORT = 19997
-_MOST_CLIENTS = 64
-_MOST_STREAMS = 4096
-_CHUNK = 1 << 16
-_HEAVY = 4096
-"""Streams with more data [bytes] are sent once per step."""
-_LAST_ERRORS = 50
+_MOST_CLIENTS, _MOST_STREAMS = 64, 4096
+_CHUNK, _HEAVY = 1 << 16, 4096
+"""Most to read at once; what a stream may send more than once in a step [bytes]."""
 _STOPPED, _PAUSED, _ADVANCING = 0, 8, 16
-_START, _STOP = b"\0", b"\2"
 
 
 class _Connection(Client):
@@ -45,7 +40,7 @@ class _Connection(Client):
         # the command, when it was last sent [s], before 0: not yet, and whether it is heavy
         self._streams: dict[tuple[int, bytes], tuple[wire.Command, float, bool]] = {}
         self._room = wire.MOST_BYTES
-        self._errors: deque[bytes] = deque(maxlen=_LAST_ERRORS)
+        self._errors: deque[bytes] = deque(maxlen=50)
 
     def read(self) -> None:
         """Take what has arrived. Raises FrameError at its end, OSError."""
@@ -91,7 +86,7 @@ class _Connection(Client):
 
     def _run(self, command: wire.Command) -> bool:
         """Take a command; return whether its answer has to wait."""
-        key, simulator = (command.number, command.name), self._simulator
+        key = command.number, command.name
         self._streams.pop(key, None)
         if command.mode in {wire.STREAMING, wire.STREAMING_SPLIT}:
             self._streams[key] = command, -1.0, False
@@ -100,13 +95,14 @@ class _Connection(Client):
             return False
         if command.number == functions.FINISH:
             self.has_finished = True
-            simulator.leave(self, "has finished")
+            self._streams.clear()
+            self._simulator.leave(self, "has finished")
             return False
         if self._call(command).failed or command.number != functions.RUN_STATE:
             return self.waits
         # It is answered when that is done: a trigger may follow at once.
-        starts = command.name[:1] == _START and not simulator.state & _ADVANCING
-        return starts or (command.name[:1] == _STOP and simulator.state != _STOPPED)
+        which, state = command.name[:1], self._simulator.state
+        return not state & _ADVANCING if which == b"\0" else which == b"\2" and state != _STOPPED
 
     def _call(self, command: wire.Command) -> wire.Command:
         """Run a command; return the answer, which is kept."""
@@ -139,7 +135,7 @@ class LegacyEndpoint:
     port: 0 for a free one, which it then has. Raises OSError if it is taken.
     """
 
-    def __init__(self, simulator: Simulator, port: int = PORT) -> None:
+    def __init__(self, simulator: Simulator, port: int = 19997) -> None:
         self._simulator = simulator
         self._listener = socket.create_server(("127.0.0.1", port))
         self._listener.setblocking(False)
@@ -159,8 +155,7 @@ class LegacyEndpoint:
             if number == self._listener.fileno():
                 self._accept()
             elif connection := self._connections.get(number):
-                gone = events & ~(select.EPOLLIN | select.EPOLLOUT)
-                self._serve(connection, reads=bool(events & select.EPOLLIN or gone))
+                self._serve(connection, reads=events != select.EPOLLOUT)
 
     def stepped(self) -> None:
         """Answer who waited."""
@@ -201,9 +196,10 @@ class LegacyEndpoint:
             del self._connections[connection.link.fileno()]
             connection.link.close()
             if not connection.has_finished:
-                self._simulator.leave(connection, str(exc))
+                gone = "has lost its connection" if isinstance(exc, OSError) else str(exc)
+                self._simulator.leave(connection, gone)
             return
         # Nothing more is taken from who waits or is slow; that it has gone is seen all the same.
-        free = not connection.held and not connection.out
-        writes = select.EPOLLOUT if connection.out else 0
-        self._poll.modify(connection.link, select.EPOLLIN if free else select.EPOLLRDHUP | writes)
+        waits = select.EPOLLRDHUP | (select.EPOLLOUT if connection.out else 0)
+        busy = connection.held or connection.out
+        self._poll.modify(connection.link, waits if busy else select.EPOLLIN)

@@ -11,12 +11,10 @@ from typing import NamedTuple
 
 MOST_BYTES = 64 << 20
 """Longest message, and most that a client may have sent of commands not yet complete."""
-_MOST_COMMANDS = 4096
-"""Most commands in a message: they run before another client is served."""
-_MOST_PARTS = 64
-_LONGEST_PACKET = 30000
-"""The client reads the size as a signed number."""
-_VERSION = 11
+_MOST_COMMANDS, _MOST_PARTS = 4096, 64
+"""Most commands in a message, which run before another client is served; most incomplete ones."""
+_LONGEST_PACKET, _VERSION = 30000, 11
+"""The client reads the size of a packet as a signed number."""
 STREAMING, STREAMING_SPLIT, DISCONTINUE = 2, 4, 5
 """Modes of commands."""
 
@@ -28,7 +26,7 @@ _COMMAND = struct.Struct("<iiHiiHiBB")
 [ms] or longest part, simulation time [ms], whether it failed, unused."""
 
 Origin = tuple[int, int]
-"""The number of a message and its client's time [ms], which an answer repeats."""
+"""Number and client's time [ms] of a message, as its answer repeats them."""
 
 
 class FrameError(Exception):
