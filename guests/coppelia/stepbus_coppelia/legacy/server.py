@@ -9,7 +9,6 @@ import contextlib
 import functools
 import select
 import socket
-import struct
 import time
 from collections import deque
 from collections.abc import Iterable
@@ -113,7 +112,7 @@ class _Connection(Client):
         elif number in {functions.ENABLE, functions.DISABLE}:
             self.level = int(number == functions.ENABLE)
         elif number == functions.LAST_ERRORS:
-            data = struct.pack("<i", len(self._errors)) + b"".join(self._errors)
+            data = len(self._errors).to_bytes(4, "little") + b"".join(self._errors)
             self._errors.clear()
         elif command.mode != wire.DISCONTINUE:
             try:
