@@ -38,11 +38,37 @@ class Simulator:
 
     def call(self, client, function, args):
         self.calls.append((function, list(args)))
-        match function, list(args):
+        result = self.objects(function, list(args))
+        if result is None:
+            result = self.others(function, list(args))
+        if result is None:
+            raise ApiError(f"no {function}{args}")
+        return result
+
+    def others(self, function, args):
+        match function, args:
             case "startSimulation" | "stopSimulation", []:
                 if not self.later:
                     self.state = RUNS if function == "startSimulation" else 0
                 return []
+            case "getInt32Param", [_]:
+                return [40600]
+            case "getStringSignal", [name]:
+                return [self.signals.get(name)]
+            case "setStringSignal", [name, value]:
+                self.signals[name] = value
+                return []
+            case "clearStringSignal", [name]:
+                self.signals.pop(name, None)
+                return []
+            case "setJointTargetForce" | "setObjectPosition", _:
+                return []
+            case "callScriptFunction", [name, where, ints, floats, texts, raw]:
+                return [[where, *ints], floats, [*texts, name], raw]
+        return None
+
+    def objects(self, function, args):
+        match function, args:
             case "getJointPosition", [1 | 2]:
                 return [self.time]
             case "getObject", ["/joint1"]:
@@ -61,21 +87,7 @@ class Simulator:
                 return [1, 0.5, [1.0, 2.0, 3.0], 2, None]
             case "getVisionSensorImg", [_, grey]:
                 return [bytes(1 << 20 if not grey else 12), [2, 2]]
-            case "getInt32Param", [_]:
-                return [40600]
-            case "getStringSignal", [name]:
-                return [self.signals.get(name)]
-            case "setStringSignal", [name, value]:
-                self.signals[name] = value
-                return []
-            case "clearStringSignal", [name]:
-                self.signals.pop(name, None)
-                return []
-            case "callScriptFunction", [name, where, ints, floats, texts, raw]:
-                return [[where, *ints], floats, [*texts, name], raw]
-            case "setJointTargetForce" | "setObjectPosition", _:
-                return []
-        raise ApiError(f"no {function}{args}")
+        return None
 
 
 class Script:
@@ -114,7 +126,9 @@ class Script:
         assert (head[2], head[3]) == (self.number - 1, 77)
         at, answers = 18, {}
         while at < len(body):
-            size, whole, named, _, code, _, time, failed, _ = struct.unpack_from("<iiHiiHiBB", body, at)
+            size, whole, named, _, code, _, time, failed, _ = struct.unpack_from(
+                "<iiHiiHiBB", body, at
+            )
             assert size == whole
             answers[code & 0xFFFF] = failed, time, body[at + 26 + named : at + size]
             at += size
@@ -136,7 +150,9 @@ class Script:
 def cmd(number, mode=BLOCKING, name=b"", data=b"", period=0, whole=None, place=0, named=None):
     size = 26 + len(name) + len(data)
     named = len(name) if named is None else named
-    head = struct.pack("<iiHiiHiBB", size, whole or size, named, place, number | mode << 16, period, 0, 0, 0)
+    head = struct.pack(
+        "<iiHiiHiBB", size, whole or size, named, place, number | mode << 16, period, 0, 0, 0
+    )
     return head + name + data
 
 
@@ -181,7 +197,7 @@ def value(answer, form="<f"):
 def test_answers_several_commands_at_once(sim, script):
     answers = script.ask(cmd(GET_JOINT, name=handle(1)), cmd(INT_PARAM, name=handle(12)))
     assert answers == {GET_JOINT: (0, 0, bytes(4)), INT_PARAM: (0, 0, handle(40600))}
-    assert [client.name for client in sim.clients][0].startswith("client 1 (legacy, 127.0.0.1:")
+    assert sim.clients[0].name.startswith("client 1 (legacy, 127.0.0.1:")
 
 
 def test_an_empty_message_is_answered(script):
@@ -232,7 +248,10 @@ def test_calls_a_script_function(script):
 
 
 def test_data_of_groups(script):
-    assert script.ask(cmd(GROUP, name=handle(1, 0)))[GROUP][2] == handle(2, 0, 0, 2, 1, 2) + b"o1\0o2\0"
+    assert (
+        script.ask(cmd(GROUP, name=handle(1, 0)))[GROUP][2]
+        == handle(2, 0, 0, 2, 1, 2) + b"o1\0o2\0"
+    )
     positions = script.ask(cmd(GROUP, name=handle(1, 4)))[GROUP][2]
     assert positions == handle(2, 0, 6, 0, 1, 2) + struct.pack("<6f", 1, 0.5, -11, 2, 0.5, -11)
     sensors = script.ask(cmd(GROUP, name=handle(109, 13)))[GROUP][2]
@@ -403,8 +422,14 @@ def packet(body, left=0):
         (packet(HEADER + cmd(GET_JOINT, whole=1)), "of 1 bytes"),
         (packet(HEADER + struct.pack("<iiHiiHiBB", 0, 0, 0, 0, 1, 0, 0, 0, 0)), "of 0 of 0"),
         (packet(HEADER + struct.pack("<iiHiiHiBB", -5, -5, 0, 0, 1, 0, 0, 0, 0)), "of -5"),
-        (packet(HEADER, 1) + packet(cmd(NO_SYNC) * 1000, 1) * 4 + packet(cmd(NO_SYNC) * 97), "4096 c"),
-        (packet(HEADER + b"".join(cmd(1, whole=99, name=b"%4d" % n) for n in range(70))), "incomplete"),
+        (
+            packet(HEADER, 1) + packet(cmd(NO_SYNC) * 1000, 1) * 4 + packet(cmd(NO_SYNC) * 97),
+            "4096 c",
+        ),
+        (
+            packet(HEADER + b"".join(cmd(1, whole=99, name=b"%4d" % n) for n in range(70))),
+            "incomplete",
+        ),
         (packet(HEADER + b"".join(cmd(IMAGE, name=handle(n)) for n in range(70))), "asks for more"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
