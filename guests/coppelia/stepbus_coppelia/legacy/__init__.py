@@ -1,0 +1,1 @@
+"""V-REP's and CoppeliaSim's legacy remote API (`simx*`)."""
