@@ -36,6 +36,8 @@ class Coppelia(Command, work="work", group="run", is_run=True):
     port: Port = 23000
     """port of the ZeroMQ remote API; 0: any that is free, which the script finds in
     STEPBUS_COPPELIA_PORT"""
+    legacy_port: tuple[Port, ...] = ()
+    """port of the legacy remote API (simx…); may be repeated (default: 19997; 0: any)"""
     client_timeout: Duration = ""
     """how long a client that steps the simulation may keep it from its next step (default: 30s)"""
     out: Folder = None

@@ -6,6 +6,7 @@ from typing import Any
 
 from stepbus_coppelia.edits import Changes, Edits
 from stepbus_coppelia.joints import groups_of
+from stepbus_coppelia.legacy.server import LegacyEndpoint
 from stepbus_coppelia.params import GatewayParams
 from stepbus_coppelia.plant import BODIES, CHANGES
 from stepbus_coppelia.session import ScriptFailed, Session
@@ -50,9 +51,16 @@ def open_session(
     try:
         zmq = ZmqEndpoint(session, params.port)
         session.listen(zmq)
+        for port in params.legacy_ports:
+            session.listen(LegacyEndpoint(session, port))
         session.start_script(*script, zmq.port)
-    except BaseException:
+    except BaseException as exc:
         session.close()
+        if isinstance(exc, OSError):
+            text = f"cannot listen on port {port} of this machine: {exc.strerror}"
+            raise WiringError(
+                f"{text}; is V-REP running? Choose others with --legacy-port"
+            ) from exc
         raise
     return session
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 from stepbus_coppelia.proximity import ProximitySettings
-from stepbus_participant import Count, Duration, Settings
+from stepbus_participant import Duration, Settings, Whole
 
 _PORT = 23000
 
@@ -16,7 +16,7 @@ class GatewayParams(Settings):
     waits for a script that you start."""
     port: int = _PORT
     """Port of the ZeroMQ remote API, on this machine only; 0: any that is free."""
-    legacy_ports: tuple[Count, ...] = (19997,)
+    legacy_ports: tuple[Whole, ...] = (19997,)
     """Ports of the legacy remote API."""
     aliases: dict[str, str] = {}
     """Path that scripts use, such as `/Pioneer/leftMotor` → joint, link, body, camera or sensor of

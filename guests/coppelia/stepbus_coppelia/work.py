@@ -64,6 +64,7 @@ class Stage:
             **({"command": command} if command else {}),
             **timeout,
             "port": given.port,
+            **({"legacy_ports": given.legacy_port} if given.legacy_port else {}),
             "plant": self._row.get("params", {}),
             "plant_seed": participant_seed(loaded.seed, self.plant),
         }

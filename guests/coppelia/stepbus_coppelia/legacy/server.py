@@ -27,8 +27,7 @@ class _Connection(Client):
     """A client, its streams and what is to be sent to it. held: the message not yet answered."""
 
     def __init__(self, simulator: Simulator, link: socket.socket, name: str) -> None:
-        self.name = name
-        self.heard = time.monotonic()
+        super().__init__(name)
         self.link = link
         self.out = bytearray()
         self.held: wire.Origin | None = None
