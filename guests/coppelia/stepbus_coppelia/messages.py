@@ -44,11 +44,11 @@ class Drawings(Message, frozen=True):
     forms: Annotated[
         list[str],
         meta("points, lines (pairs of ends), triangles (corners), or strip (a polyline)", "", "k"),
-    ]
-    frames: Annotated[list[str], meta("link in whose frame it is; empty: the world", "", "k")]
+    ] = []
+    frames: Annotated[list[str], meta("link in whose frame it is; empty: the world", "", "k")] = []
     sizes: Annotated[
         list[float], meta("size of a point [m], or width of a line [pixel]", "m, pixel", "k")
-    ]
-    colours: Annotated[list[Point], meta("red, green, blue, 0 to 1", "-", "k 3")]
-    counts: Annotated[list[int], meta("number of points of each", "-", "k")]
-    points: Annotated[list[Point], meta("all points: x, y, z", "m", "j 3")]
+    ] = []
+    colours: Annotated[list[Point], meta("red, green, blue, 0 to 1", "-", "k 3")] = []
+    counts: Annotated[list[int], meta("number of points of each", "-", "k")] = []
+    points: Annotated[list[Point], meta("all points: x, y, z", "m", "j 3")] = []

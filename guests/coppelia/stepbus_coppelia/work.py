@@ -55,7 +55,8 @@ class Stage:
         self._kept = {n: row for n, row in rows.items() if n not in (*own, self.plant) and own}
         self._row = rows[self.plant]
         # A rerun finds files by their place beside the scenario, and programs where they are.
-        command = [named_from(loaded.folder, "script.command", word) for word in given.script[1:]]
+        paths = [str(Path(w).absolute()) if Path(w).is_file() else w for w in given.script[1:]]
+        command = [named_from(loaded.folder, "script.command", word) for word in paths]
         program = given.script[0] if given.script else ""
         command = [f"{ENV}{program}" if "/" in program else program, *command] if program else []
         timeout = {"client_timeout": given.client_timeout} if given.client_timeout else {}

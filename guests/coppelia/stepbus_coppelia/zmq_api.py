@@ -16,6 +16,8 @@ PORT = 23000
 VERSION = 2
 _LARGEST = 64 << 20
 """Bytes of a message that is read."""
+_LINGER_MS = 200
+"""How long answers that are under way have to leave, at the end."""
 _MODULES = ("sim", "zmqRemoteApi")
 _EXECUTED, _END = "_*executed*_", "_*end*_"
 
@@ -41,10 +43,8 @@ class ZmqEndpoint:
         self._context = zmq.Context()
         self._router = self._context.socket(zmq.ROUTER)
         self._router.setsockopt(zmq.MAXMSGSIZE, _LARGEST)
-        self._router.setsockopt(zmq.LINGER, 200)
         self._router.setsockopt(zmq.SNDTIMEO, 0)
         self._steps = self._context.socket(zmq.PUB)
-        self._steps.setsockopt(zmq.LINGER, 0)
         self._clients: dict[bytes, ZmqClient] = {}
         self._by_uuid: dict[str, ZmqClient] = {}
         self._count = 0
@@ -173,8 +173,5 @@ class ZmqEndpoint:
 
     def close(self) -> None:
         """Close all connections."""
-        if not self._router.closed:
-            self._router.disable_monitor()
-        self._steps.close()
-        self._router.close()
-        self._context.term()
+        # With the monitor's socket: it would wait for that for ever.
+        self._context.destroy(linger=_LINGER_MS)
