@@ -37,7 +37,7 @@ class Simulator(Protocol):
     dt: float
     clients: list[Client]
 
-    def call(self, client: Client, function: str, args: Sequence[Any]) -> list[Any]:
+    def call(self, client: Client, function: str, args: list[Any]) -> list[Any]:
         """Call a function by its name without `sim.`; return its results. Raises ApiError."""
 
     def join(self, client: Client) -> None:

@@ -12,6 +12,8 @@ FIRST = 2_280_010
 _KINDS = {1: "lines", 2: "triangles", 3: "triangles", 8: "strip"}
 _COUNTS = {"lines": 2, "triangles": 3}
 """Points of an item."""
+_MOST_POINTS = 1500
+"""Of all objects, which go into one message; then the oldest of an object go."""
 _CYCLIC, _FORM = 4096, 31
 
 
@@ -64,6 +66,8 @@ class Canvas:
         if drawing.most and len(points) >= drawing.most * count:
             if not drawing.is_cyclic:
                 return
+            del points[:count]
+        if sum(len(row.points) for row in self._objects.values()) > _MOST_POINTS:
             del points[:count]
         points += [(given[n], given[n + 1], given[n + 2]) for n in range(0, 3 * count, 3)]
 

@@ -117,7 +117,9 @@ class Gateway(Participant):
         own = {CHANGES: session.changes.fields(), DRAWINGS: session.drawings.fields()}
         session.changes = Changes()
         if session.calls:
-            own[CALLS], session.calls = {"calls": session.calls}, []
+            rows = session.calls
+            own[CALLS] = {"calls": list(rows), "times": list(rows.values())}
+            session.calls = {}
         is_first = step.index == 0
         messages |= {p: self._classes[p](**row) for p, row in own.items() if row or is_first}
         if session.logged:

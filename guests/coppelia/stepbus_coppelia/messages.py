@@ -33,9 +33,10 @@ class SceneChange(Message, frozen=True):
 
 
 class RemoteCalls(Message, frozen=True):
-    """Calls of a script, in the order in which they were answered since the step before."""
+    """Calls of a script since the step before, in the order in which each was first answered."""
 
-    calls: Annotated[list[str], meta("client, function and arguments of each")]
+    calls: Annotated[list[str], meta("client, function and arguments", "", "k")] = []
+    times: Annotated[list[int], meta("how often it was called", "-", "k")] = []
 
 
 class Drawings(Message, frozen=True):

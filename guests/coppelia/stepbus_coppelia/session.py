@@ -30,8 +30,8 @@ PORT_VARIABLE = "STEPBUS_COPPELIA_PORT"
 ENV = "env "
 """Before a program that is named by its path, as of /usr/bin/env: a scenario's files have others."""
 _TICK_S = 0.1
-_LONGEST_CALL = 200
-"""Characters of a call that is recorded."""
+_LONGEST_CALL, _MOST_CALLS = 200, 200
+"""Characters of a call that is recorded, and different ones of a step."""
 
 
 class ScriptFailed(RunError):
@@ -71,7 +71,7 @@ class Session:
         self.logged: list[tuple[str, str]] = []
         self.controls = {name: Control.of(j) for name, j in scene.physics.joints.items()}
         self.groups: dict[str, Group] = {}
-        self.calls: list[str] = []
+        self.calls: dict[str, int] = {}
         self.is_ending = self.has_clients = False
         self.runs, self.port = 0, 0
         self.drawings = Canvas()
@@ -80,7 +80,7 @@ class Session:
         self._names: Sequence[str] = ()
         self._order: list[int] = []
         self._body_names: Sequence[str] = ()
-        self._due_s = self._begun_s = 0.0
+        self._due_s = self._begun_s = self._look_s = 0.0
         self._script: subprocess.Popen[bytes] | None = None
         self._poller = zmq.Poller()
         self._sockets: dict[Any, Endpoint] = {}
@@ -90,6 +90,10 @@ class Session:
     def listen(self, endpoint: Endpoint) -> None:
         """Take clients of a further API."""
         self.endpoints.append(endpoint)
+        for socket in endpoint.sockets():
+            self._poller.register(socket, zmq.POLLIN)
+            # The poller names those that are none of ZeroMQ's by their number.
+            self._sockets[socket if isinstance(socket, zmq.Socket) else socket.fileno()] = endpoint
 
     def start_script(self, command: Sequence[str], folder: Path, port: int) -> None:
         """Start the program of the user, if there is one; its output is that of this process."""
@@ -124,7 +128,7 @@ class Session:
         """Return whether a simulation goes on, paused or not."""
         return self.state != STOPPED
 
-    def call(self, client: Client, name: str, args: Sequence[Any]) -> list[Any]:
+    def call(self, client: Client, name: str, args: list[Any]) -> list[Any]:
         """Call a function by its name without `sim.`; return its results. Raises ApiError."""
         row = FUNCTIONS.get(name)
         where = f"in sim.{name}"
@@ -133,8 +137,9 @@ class Session:
             raise ApiError(f"{where}: this function is not available in stepbus.")
         self.client = client
         if self.params.records_calls:
-            words = ", ".join(map(repr, args))
-            self.calls.append(f"{client.name}: {name}({words})"[:_LONGEST_CALL])
+            text = f"{client.name}: {name}({str(args)[1:-1]})"[:_LONGEST_CALL]
+            text = text if text in self.calls or len(self.calls) < _MOST_CALLS else "further calls"
+            self.calls[text] = self.calls.get(text, 0) + 1
         try:
             self._settle()
             result = row.work(self, *args)
@@ -386,21 +391,12 @@ class Session:
 
     def _serve(self, wait_s: float) -> bool:
         """Answer what arrives within a time; return whether anybody may still call."""
-        polled = {
-            id(s) if not isinstance(s, int) else s: (s, e)
-            for e in self.endpoints
-            for s in e.sockets()
-        }
-        if polled.keys() != self._sockets.keys():
-            for socket, _ in self._sockets.values():
-                self._poller.unregister(socket)
-            for socket, _ in polled.values():
-                self._poller.register(socket, zmq.POLLIN)
-            self._sockets = polled
-        for socket, _ in self._poller.poll(min(wait_s, _TICK_S) * 1e3):
-            key = id(socket) if not isinstance(socket, int) else socket
-            if key in self._sockets:
-                self._sockets[key][1].receive(socket)
+        for socket, _ in self._poller.poll(math.ceil(min(wait_s, _TICK_S) * 1e3)):
+            self._sockets[socket].receive(socket)
+        now = time.monotonic()
+        if now < self._look_s:
+            return True
+        self._look_s = now + _TICK_S / 2
         return self._is_alive()
 
     def _is_alive(self) -> bool:
