@@ -28,11 +28,9 @@ class ScenePlant(Plant):
     settings = SceneParams
 
     def __init__(self, config: Config) -> None:
-        own = {
-            "inputs": {name: row for name, row in config.inputs.items() if name != CHANGES},
-            "outputs": {name: row for name, row in config.outputs.items() if name != BODIES},
-        }
-        super().__init__(dataclasses.replace(config, **own))
+        inputs = {name: row for name, row in config.inputs.items() if name != CHANGES}
+        outputs = {name: row for name, row in config.outputs.items() if name != BODIES}
+        super().__init__(dataclasses.replace(config, inputs=inputs, outputs=outputs))
         physics = self.plant.physics
         self._engine = physics.engine
         rows = physics.world.bodies.items()

@@ -16,7 +16,7 @@ import zmq
 from stepbus_coppelia.clients import ApiError, Client, Endpoint
 from stepbus_coppelia.drawings import Canvas
 from stepbus_coppelia.edits import ONLY_STOPPED, Changes, Edits
-from stepbus_coppelia.functions import CONSTANTS, FUNCTIONS
+from stepbus_coppelia.functions import CONSTANTS, GROUPS
 from stepbus_coppelia.joints import FREE, POSITION, Control, Group
 from stepbus_coppelia.messages import BodyStates
 from stepbus_coppelia.scene import Scene, SceneObject
@@ -57,13 +57,18 @@ class Session:
         say: Callable[[str], None],
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
-        self.edits, self.dt, self.params, self.functions = edits, dt, params, functions
+        self.edits, self.dt, self.params, self.lua = edits, dt, params, functions
         self.scene = scene = Scene(edits.opened({}), params.aliases, params.proximity_sensors)
         self.say, self._interrupted = say, interrupted
         self.clients: list[Client] = []
         self.endpoints: list[Endpoint] = []
         self.state, self.step, self.time = STOPPED, 0, 0.0
-        self.client: Client | None = None
+        self.client = Client("")
+        self._functions = {
+            name: getattr(group, work)
+            for group in (kind(self) for kind in GROUPS)
+            for name, work in group.names().items()
+        }
         self.signals: dict[str, Any] = {}
         self.unanswered: Counter[str] = Counter()
         self.initial, self.changes = Changes(), Changes()
@@ -130,9 +135,9 @@ class Session:
 
     def call(self, client: Client, name: str, args: list[Any]) -> list[Any]:
         """Call a function by its name without `sim.`; return its results. Raises ApiError."""
-        row = FUNCTIONS.get(name)
+        work = self._functions.get(name)
         where = f"in sim.{name}"
-        if row is None:
+        if work is None:
             self.unanswered[name] += 1
             raise ApiError(f"{where}: this function is not available in stepbus.")
         self.client = client
@@ -142,7 +147,7 @@ class Session:
             self.calls[text] = self.calls.get(text, 0) + 1
         try:
             self._settle()
-            result = row.work(self, *args)
+            result = work(*args)
         except ApiError as exc:
             raise ApiError(f"{where}: {exc}") from None
         except (TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError) as exc:
@@ -271,10 +276,6 @@ class Session:
             }
         known = {CONSTANTS[name]: value for name, value in own.items()}
         return float(known.get(parameter, thing.values.get(str(parameter), 0.0)))
-
-    def log(self, level: str, text: str) -> None:
-        """Show a message to whoever watches, and record it."""
-        self.logged.append((level, text))
 
     # --- its simulations ------------------------------------------------------------------
 
