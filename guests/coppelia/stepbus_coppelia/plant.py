@@ -1,4 +1,4 @@
-"""A plant whose bodies and joints a script may put somewhere, and which says where all bodies are."""
+"""A plant whose bodies and joints a script may put somewhere, and that says where they are."""
 
 import dataclasses
 from collections.abc import Mapping

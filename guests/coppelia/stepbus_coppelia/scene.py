@@ -38,8 +38,8 @@ _INDEX, _COUNT = re.compile(r"\[(\d+)\]$"), re.compile(r"\{(\d+)\}$")
 class SceneObject:
     """An object.
 
-    handle, kind: numbers. alias: its name in paths. name: that of the link, joint, camera or sensor
-    in the world. parent: its handle; -1: none. link: what it moves with; None: its parent. pose: in
+    handle, kind: numbers. alias: its name in paths; known: further ones. name: that of the link,
+    joint, camera or sensor in the world. parent: its handle; -1: none. link: what it moves with; None: its parent. pose: in
     the frame of that. joint, camera, sensor: of an object of that kind. is_model: whether it is the
     root of a body. values: what the script has set of it, by CoppeliaSim's names.
     """
@@ -56,6 +56,7 @@ class SceneObject:
     sensor: Any = None
     is_model: bool = False
     values: dict[str, Any] = field(default_factory=dict)
+    known: list[str] = field(default_factory=list)
 
     @property
     def is_root(self) -> bool:
@@ -85,6 +86,7 @@ class Scene:
             if not found:
                 known = suggest(name, [own for _, own in self._by_name])
                 raise ApiError(f"aliases: {path!r} stands for {name!r}, which is unknown{known}")
+            found[0].known.append(found[0].alias)
             found[0].alias = re.sub(r"[\[{#].*", "", path.strip("/").rpartition("/")[2])
             self._paths[path.strip("/")] = found[0]
 
@@ -230,7 +232,8 @@ class Scene:
         given = _INDEX.search(parts[0])
         alias = parts[0][: given.start()] if given else parts[0]
         children = [o for o in self.objects.values() if o.parent == parent]
-        fitting = [o for o in children if fnmatchcase(o.alias, alias.replace("[", "[[]"))]
+        pattern = alias.replace("[", "[[]")
+        fitting = [o for o in children if any(fnmatchcase(n, pattern) for n in (o.alias, *o.known))]
         wanted = fitting[int(given[1]) :][:1] if given else fitting
         for thing in wanted:
             if len(parts) == 1:

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import os
+import struct
 import subprocess
 import sys
 import time
@@ -28,7 +29,7 @@ STOPPED, PAUSED, FIRST, RUNNING = 0, 8, 16, 17
 """Numbers of `sim.simulation_*`."""
 PORT_VARIABLE = "STEPBUS_COPPELIA_PORT"
 ENV = "env "
-"""Before a program that is named by its path, as of /usr/bin/env: a scenario's files have others."""
+"""Before a program that is named by its path, as of /usr/bin/env: it is no file of a scenario."""
 _TICK_S = 0.1
 _LONGEST_CALL, _MOST_CALLS = 200, 200
 """Characters of a call that is recorded, and different ones of a step."""
@@ -54,6 +55,7 @@ class Session:
         dt: float,
         params: Any,
         functions: object,
+        *,
         say: Callable[[str], None],
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
@@ -150,7 +152,14 @@ class Session:
             result = work(*args)
         except ApiError as exc:
             raise ApiError(f"{where}: {exc}") from None
-        except (TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError) as exc:
+        except (
+            TypeError,
+            ValueError,
+            LookupError,
+            AttributeError,
+            ArithmeticError,
+            struct.error,
+        ) as exc:
             raise ApiError(f"{where}: bad arguments ({exc}).") from None
         if result is None:
             return []
@@ -363,8 +372,9 @@ class Session:
         self._due_s = max(self._due_s + self.dt, self._begun_s - self.dt)
         while True:
             if self.is_ending:
-                self.is_ending = False
-                return "sim.stopSimulation"
+                self.is_ending, has_stopped = False, self.state == STOPPED
+                self.state = STOPPED
+                return "sim.stopSimulation" if has_stopped else "all clients have left"
             if self._interrupted():
                 return "interrupted"
             wait_s = self._wait_s()
@@ -380,13 +390,17 @@ class Session:
         Raises ScriptFailed when a client holds the step for too long.
         """
         stepping = [client for client in self.clients if client.level > 0]
-        if self.state == PAUSED or (holders := [c for c in stepping if not c.waits]):
+        holders = [client for client in stepping if not client.waits]
+        # When the last one has left, it is awaited how its script ends.
+        if self.state == PAUSED or holders or (self.has_clients and not self.clients):
             held_s = time.monotonic() - self._begun_s
-            if self.state != PAUSED and held_s > self.params.client_timeout_ns * 1e-9:
+            is_late = self.state != PAUSED and held_s > self.params.client_timeout_ns * 1e-9
+            if is_late and holders:
                 raise ScriptFailed(
-                    f"step {self.step}: {holders[0].name} steps the simulation, and has not asked for "
-                    f"the next step for {held_s:.0f} s; if it needs that long, set --client-timeout"
+                    f"{holders[0].name} steps the simulation, and has not asked for a step for "
+                    f"{held_s:.0f} s; if it needs that long, set --client-timeout"
                 )
+            self.is_ending = self.is_ending or is_late
             return _TICK_S
         return 0.0 if stepping else self._due_s - time.monotonic()
 
@@ -408,7 +422,7 @@ class Session:
             return True
         if code and not self._interrupted():
             how = f"exit code {code}" if code > 0 else f"signal {-code}"
-            raise ScriptFailed(f"step {self.step}: the script has ended with {how}; see its output")
+            raise ScriptFailed(f"the script has ended with {how}; see its output")
         return False
 
     def close(self) -> None:
