@@ -39,9 +39,10 @@ class SceneObject:
     """An object.
 
     handle, kind: numbers. alias: its name in paths; known: further ones. name: that of the link,
-    joint, camera or sensor in the world. parent: its handle; -1: none. link: what it moves with; None: its parent. pose: in
-    the frame of that. joint, camera, sensor: of an object of that kind. is_model: whether it is the
-    root of a body. values: what the script has set of it, by CoppeliaSim's names.
+    joint, camera or sensor in the world. parent: its handle; -1: none. link: what it moves with;
+    None: its parent. pose: in the frame of that. joint, camera, sensor: of an object of that kind.
+    is_model: whether it is the root of a body. values: what the script has set of it, by
+    CoppeliaSim's numbers.
     """
 
     handle: int

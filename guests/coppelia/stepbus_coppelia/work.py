@@ -61,8 +61,8 @@ class Stage:
         program = given.script[0] if given.script else ""
         command = [f"{ENV}{program}" if "/" in program else program, *command] if program else []
         # What a script imports is beside it.
-        own = [Path(w) for w in given.script[1:] if Path(w).is_file()][:1]
-        beside = [f"{os.path.relpath(p.absolute().parent, loaded.folder)}/*{p.suffix}" for p in own]
+        scripts = [Path(w).absolute() for w in given.script[1:] if Path(w).is_file()][:1]
+        beside = [f"{os.path.relpath(p.parent, loaded.folder)}/*{p.suffix}" for p in scripts]
         self._files = [*rows.get(self.name, {}).get("files", []), *beside]
         timeout = {"client_timeout": given.client_timeout} if given.client_timeout else {}
         self._params: dict[str, Any] = {
