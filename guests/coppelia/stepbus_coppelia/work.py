@@ -1,5 +1,6 @@
 """`stepbus coppelia`: connects a script to the plant of a scenario, and runs what it starts."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -59,6 +60,10 @@ class Stage:
         command = [named_from(loaded.folder, "script.command", word) for word in paths]
         program = given.script[0] if given.script else ""
         command = [f"{ENV}{program}" if "/" in program else program, *command] if program else []
+        # What a script imports is beside it.
+        own = [Path(w) for w in given.script[1:] if Path(w).is_file()][:1]
+        beside = [f"{os.path.relpath(p.absolute().parent, loaded.folder)}/*{p.suffix}" for p in own]
+        self._files = [*rows.get(self.name, {}).get("files", []), *beside]
         timeout = {"client_timeout": given.client_timeout} if given.client_timeout else {}
         self._params: dict[str, Any] = {
             **before,
@@ -108,6 +113,7 @@ class Stage:
                     EVENTS: "Event/1",
                 },
                 "params": params,
+                "files": self._files,
                 "step_timeout": format_duration(limit_ns),
             },
             **self._kept,
