@@ -51,7 +51,7 @@ class ScenePlant(Plant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the names of the bodies too."""
-        own = {BODIES: Description(names=self._names)} if BODIES in self.config.outputs else {}
+        own = {BODIES: Description(names=self._names)} if self._has_bodies else {}
         return {**super().describe(), **own}
 
     def start(self, inputs: Mapping[str, Description]) -> None:

@@ -82,7 +82,8 @@ class Scene:
         self.build(physics)
         # Last, since what is built anew has none.
         self._paths: dict[str, SceneObject] = {}
-        for path, name in aliases.items():
+        # The first alias of an object names it.
+        for path, name in reversed(aliases.items()):
             found = [o for (_, own), o in self._by_name.items() if own == name]
             if not found:
                 known = suggest(name, [own for _, own in self._by_name])
@@ -171,7 +172,7 @@ class Scene:
 
     def _link(self, name: str) -> Link:
         if (link := self.physics.links.get(name)) is None:
-            raise ApiError(f"link {name!r} is unknown{suggest(name, self.physics.links)}")
+            raise ApiError(f"proximity_sensors: link {name!r} is unknown{suggest(name, self.physics.links)}")
         return link
 
     def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:
