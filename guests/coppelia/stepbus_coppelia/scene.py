@@ -83,7 +83,7 @@ class Scene:
         # Last, since what is built anew has none.
         self._paths: dict[str, SceneObject] = {}
         # The first alias of an object names it.
-        for path, name in reversed(aliases.items()):
+        for path, name in reversed(list(aliases.items())):
             found = [o for (_, own), o in self._by_name.items() if own == name]
             if not found:
                 known = suggest(name, [own for _, own in self._by_name])
@@ -172,7 +172,9 @@ class Scene:
 
     def _link(self, name: str) -> Link:
         if (link := self.physics.links.get(name)) is None:
-            raise ApiError(f"proximity_sensors: link {name!r} is unknown{suggest(name, self.physics.links)}")
+            raise ApiError(
+                f"proximity_sensors: link {name!r} is unknown{suggest(name, self.physics.links)}"
+            )
         return link
 
     def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:

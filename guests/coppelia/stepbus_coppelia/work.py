@@ -86,13 +86,15 @@ class Stage:
         outputs = {port: row for port, row in outputs.items() if _type(row) != "JointState/1"}
         outputs[STATE] = "JointState/1"
         given = {**self._row.get("params", {}), **session.edits.params()}
-        free = [n for n, body in enumerate(physics.world.bodies.values()) if not body.fixed_base]
-        has_bodies = bool(free)
-        if free and "Poses/1" not in map(_type, outputs.values()):
-            # Where views and reports find them.
+        has_joints = {joint.body for joint in physics.joints.values()}
+        bodies = list(enumerate(physics.world.bodies.values()))
+        has_bodies = not all(body.fixed_base for _, body in bodies)
+        shown = [n for n, body in bodies if not body.fixed_base or n not in has_joints]
+        if shown and "Poses/1" not in map(_type, outputs.values()):
+            # Where views and reports find what a script moves.
             names = {link: name for name, link in physics.links.items()}
             outputs["poses"] = "Poses/1"
-            given.setdefault("poses", [names[number, BASE] for number in free])
+            given.setdefault("poses", [names[number, BASE] for number in shown])
         outputs |= {BODIES: "BodyStates/1"} if has_bodies else {}
         commands = dict.fromkeys(groups, "JointCommand/1")
         params = {**self._params, "plant": {**self._params["plant"], **session.edits.params()}}
