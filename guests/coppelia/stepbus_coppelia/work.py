@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.run_command import after_run, summary
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error
+from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.folder import default_folder
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.kernel.admission import participant_seed
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -46,6 +49,9 @@ class Stage:
     def __init__(self, given: Coppelia) -> None:
         self.scenario = loaded = load(given.scenario, given.set)
         self._content: dict[str, Any] = parse_yaml("scenario", resolved(loaded))
+        if not any(text.startswith("duration=") for text in given.set):
+            # The script says when it is over.
+            self._content.pop("duration", None)
         rows: dict[str, dict[str, Any]] = self._content["participants"]
         plants = [n for n, row in rows.items() if row.get("participant") in (PLANT, SCENE_PLANT)]
         if len(plants) != 1:
@@ -185,14 +191,16 @@ def _simulations(given: Coppelia, stage: Stage, session: Session, interrupt: Any
     code = 0
     while not code and session.serve_until_started():
         scenario = stage.scenario_of(session, session.runs)
-        out = (
-            given.out
-            if session.runs == 1 or given.out is None
-            else Path(f"{given.out}-{session.runs}")
-        )
-        options = Options(out=out, host=InProcess())
-        with displayed(scenario.name, quiet=False) as shown:
-            result = run(scenario, options, shown, interrupt)
+        out = given.out or default_folder(scenario, Path("runs"))
+        if given.out and session.runs > 1:
+            out = Path(f"{out}-{session.runs}")
+        with ExitStack() as stack:
+            if given.view:
+                opens = not given.no_open
+                view = viewed(out, opens=opens, stays=False, interrupt=interrupt)
+                stack.enter_context(view)
+            shown = stack.enter_context(displayed(scenario.name, quiet=False))
+            result = run(scenario, Options(out=out, host=InProcess()), shown, interrupt)
         session.stop()
         session.is_ending = False
         lines = after_run(result, has_plots=not given.no_report, is_interrupted=interrupt.is_set())
