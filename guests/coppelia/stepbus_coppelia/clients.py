@@ -14,7 +14,7 @@ class Client:
 
     name: for messages. level: how many times it has turned stepping on; 0: it runs freely. waits:
     it is answered when the next step is done, or at the time `until` [s]. heard: monotonic time of its
-    last message [s].
+    last message [s]. is_recorded: whether its calls are recorded.
     """
 
     def __init__(self, name: str) -> None:
@@ -23,6 +23,7 @@ class Client:
         self.waits = False
         self.until = 0.0
         self.heard = time.monotonic()
+        self.is_recorded = True
 
 
 class Simulator(Protocol):
