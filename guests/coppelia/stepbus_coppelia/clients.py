@@ -1,7 +1,6 @@
-"""What both remote APIs, ZeroMQ and legacy, and the simulation that they speak to have in common."""
+"""What both remote APIs, and the simulation that they speak to, have in common."""
 
-import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, Protocol
 
 
@@ -13,8 +12,8 @@ class Client:
     """One connection of a script.
 
     name: for messages. level: how many times it has turned stepping on; 0: it runs freely. waits:
-    it is answered when the next step is done, or at the time `until` [s]. heard: monotonic time of its
-    last message [s]. is_recorded: whether its calls are recorded.
+    it is answered when the next step is done, or at the time `until` [s].
+    is_recorded: whether its calls are recorded.
     """
 
     def __init__(self, name: str) -> None:
@@ -22,14 +21,14 @@ class Client:
         self.level = 0
         self.waits = False
         self.until = 0.0
-        self.heard = time.monotonic()
         self.is_recorded = True
 
 
 class Simulator(Protocol):
     """The simulation, as an API sees it.
 
-    time: simulation time [s]. state: one of `sim.simulation_*`. step: number of the step. dt: length of a step [s].
+    time: simulation time [s]. state: one of `sim.simulation_*`. step: its number. dt: length of a
+    step [s].
     """
 
     time: float

@@ -14,7 +14,7 @@ _COUNTS = {"lines": 2, "triangles": 3}
 """Points of an item."""
 _MOST_POINTS = 1500
 """Of all objects, which go into one message; then the oldest of an object go."""
-_CYCLIC, _FORM = 4096, 31
+_ALL, _CYCLIC, _FORM = -2, 4096, 31
 
 
 @dataclass
@@ -73,7 +73,9 @@ class Canvas:
 
     def remove(self, handle: int) -> None:
         """Remove an object."""
-        if self._objects.pop(handle, None) is None:
+        if handle == _ALL:
+            self._objects.clear()
+        elif self._objects.pop(handle, None) is None:
             raise ApiError("drawing object does not exist.")
         self.is_new = True
 

@@ -123,8 +123,8 @@ class Gateway(Participant):
         is_first = step.index == 0
         messages |= {p: self._classes[p](**row) for p, row in own.items() if row or is_first}
         if session.logged:
-            levels = [level for level, _ in session.logged]
-            level = "error" if "error" in levels else "warning" if "warning" in levels else "info"
+            levels = {level for level, _ in session.logged}
+            level: Any = next(name for name in ("error", "warning", "info") if name in levels)
             text = "\n".join(text for _, text in session.logged)
             messages[EVENTS], session.logged = Event(level=level, text=text), []
         return messages

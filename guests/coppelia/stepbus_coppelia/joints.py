@@ -58,7 +58,7 @@ class Control:
         is_own = mode == _OWN.get(has) or (has == "torque" and mode in (FREE, VELOCITY))
         if has != "velocity" and not is_own:
             raise ApiError(
-                f"joint {self.joint.name} has mode {has} in the world file; a joint of mode velocity "
+                f"joint {self.joint.name} has mode {has} in the world file; one of mode velocity "
                 "takes every mode of CoppeliaSim."
             )
         self.mode, self.is_new = mode, True

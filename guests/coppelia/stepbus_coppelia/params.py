@@ -1,6 +1,8 @@
 """Parameters of the gateway."""
 
-from typing import Any
+from typing import Annotated, Any
+
+import msgspec
 
 from stepbus_coppelia.proximity import ProximitySettings
 from stepbus_participant import Duration, Settings, Whole
@@ -14,7 +16,7 @@ class GatewayParams(Settings):
     command: tuple[str, ...] = ()
     """Program that it starts, with its arguments; `stepbus coppelia` puts it there. Default: it
     waits for a script that you start."""
-    port: int = _PORT
+    port: Annotated[int, msgspec.Meta(ge=0, le=65535)] = _PORT
     """Port of the ZeroMQ remote API, on this machine only; 0: any that is free."""
     legacy_ports: tuple[Whole, ...] = (19997,)
     """Ports of the legacy remote API."""

@@ -1,4 +1,4 @@
-"""A plant whose bodies and joints a script may put somewhere, and which says where all bodies are."""
+"""A plant whose bodies and joints a script may put somewhere, and that says where they are."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -28,11 +28,9 @@ class ScenePlant(Plant):
     settings = SceneParams
 
     def __init__(self, config: Config) -> None:
-        own = {
-            "inputs": {name: row for name, row in config.inputs.items() if name != CHANGES},
-            "outputs": {name: row for name, row in config.outputs.items() if name != BODIES},
-        }
-        super().__init__(dataclasses.replace(config, **own))
+        inputs = {name: row for name, row in config.inputs.items() if name != CHANGES}
+        outputs = {name: row for name, row in config.outputs.items() if name != BODIES}
+        super().__init__(dataclasses.replace(config, inputs=inputs, outputs=outputs))
         physics = self.plant.physics
         self._engine = physics.engine
         rows = physics.world.bodies.items()
@@ -53,7 +51,7 @@ class ScenePlant(Plant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the names of the bodies too."""
-        own = {BODIES: Description(names=self._names)} if BODIES in self.config.outputs else {}
+        own = {BODIES: Description(names=self._names)} if self._has_bodies else {}
         return {**super().describe(), **own}
 
     def start(self, inputs: Mapping[str, Description]) -> None:

@@ -1,7 +1,7 @@
 """Proximity sensors: rays, and cones of rays."""
 
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -33,16 +33,6 @@ class ProximitySettings(Settings):
     """Opening angle of its cone [rad]; 0: a ray."""
 
 
-class Reading(NamedTuple):
-    """What a sensor detects: how far [m], where in its frame, which object, and its normal."""
-
-    detects: bool
-    distance: float
-    point: list[float]
-    handle: int
-    normal: list[float]
-
-
 def directions(angle: float) -> list[Point]:
     """Return the rays of a cone about z of an opening angle [rad]; 0: one ray."""
     rays: list[Point] = [(0.0, 0.0, 1.0)]
@@ -55,8 +45,8 @@ def directions(angle: float) -> list[Point]:
     return rays
 
 
-def reading(scene: Scene, thing: SceneObject) -> Reading | None:
-    """Return what a proximity sensor detects nearest; None: nothing."""
+def reading(scene: Scene, thing: SceneObject) -> tuple[Any, ...] | None:
+    """Return what a proximity sensor detects nearest, as `readProximitySensor`; None: nothing."""
     settings: ProximitySettings = thing.sensor
     frame = scene.world_pose(thing)
     rays = np.array(directions(settings.angle)) @ rotation(frame[1]).T
@@ -72,7 +62,7 @@ def reading(scene: Scene, thing: SceneObject) -> Reading | None:
     hit = at + rays[best] * distance
     local = [value * distance for value in directions(settings.angle)[best]]
     handle = _hit(scene, hit, thing)
-    return Reading(True, distance, local, handle, [-value / distance for value in local])
+    return (1, distance, local, handle, [-value / distance for value in local])
 
 
 def _hit(

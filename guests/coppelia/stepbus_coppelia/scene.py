@@ -38,10 +38,11 @@ _INDEX, _COUNT = re.compile(r"\[(\d+)\]$"), re.compile(r"\{(\d+)\}$")
 class SceneObject:
     """An object.
 
-    handle, kind: numbers. alias: its name in paths. name: that of the link, joint, camera or sensor
-    in the world. parent: its handle; -1: none. link: what it moves with; None: its parent. pose: in
-    the frame of that. joint, camera, sensor: of an object of that kind. is_model: whether it is the
-    root of a body. values: what the script has set of it, by CoppeliaSim's names.
+    handle, kind: numbers. alias: its name in paths; known: further ones. name: that of the link,
+    joint, camera or sensor in the world. parent: its handle; -1: none. link: what it moves with;
+    None: its parent. pose: in the frame of that. joint, camera, sensor: of an object of that kind.
+    is_model: whether it is the root of a body. values: what the script has set of it, by
+    CoppeliaSim's numbers.
     """
 
     handle: int
@@ -56,6 +57,7 @@ class SceneObject:
     sensor: Any = None
     is_model: bool = False
     values: dict[str, Any] = field(default_factory=dict)
+    known: list[str] = field(default_factory=list)
 
     @property
     def is_root(self) -> bool:
@@ -80,11 +82,13 @@ class Scene:
         self.build(physics)
         # Last, since what is built anew has none.
         self._paths: dict[str, SceneObject] = {}
-        for path, name in aliases.items():
+        # The first alias of an object names it.
+        for path, name in reversed(aliases.items()):
             found = [o for (_, own), o in self._by_name.items() if own == name]
             if not found:
                 known = suggest(name, [own for _, own in self._by_name])
                 raise ApiError(f"aliases: {path!r} stands for {name!r}, which is unknown{known}")
+            found[0].known.append(found[0].alias)
             found[0].alias = re.sub(r"[\[{#].*", "", path.strip("/").rpartition("/")[2])
             self._paths[path.strip("/")] = found[0]
 
@@ -168,7 +172,7 @@ class Scene:
 
     def _link(self, name: str) -> Link:
         if (link := self.physics.links.get(name)) is None:
-            raise ApiError(f"link {name!r} is unknown{suggest(name, self.physics.links)}")
+            raise ApiError(f"proximity_sensors: link {name!r} is unknown{suggest(name, self.physics.links)}")
         return link
 
     def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:
@@ -230,7 +234,8 @@ class Scene:
         given = _INDEX.search(parts[0])
         alias = parts[0][: given.start()] if given else parts[0]
         children = [o for o in self.objects.values() if o.parent == parent]
-        fitting = [o for o in children if fnmatchcase(o.alias, alias.replace("[", "[[]"))]
+        pattern = alias.replace("[", "[[]")
+        fitting = [o for o in children if any(fnmatchcase(n, pattern) for n in (o.alias, *o.known))]
         wanted = fitting[int(given[1]) :][:1] if given else fitting
         for thing in wanted:
             if len(parts) == 1:
@@ -275,26 +280,19 @@ class Scene:
         above = thing
         while above.link is None and above.parent != -1:
             above = self.objects[above.parent]
-        if above.link is None or (self._bodies is None and not self.physics.joints):
+        if above.link is None:
             return REST, REST
-        body = self.physics.bodies[above.link[0]]
-        engine, moving = (
-            self.engine,
-            [j for j in self.physics.joints.values() if j.body == above.link[0]],
-        )
+        engine, (number, _) = self.engine, above.link
+        body = self.physics.bodies[number]
         if self._bodies is not None and body in names:
-            at = names.index(body)
-            engine.put(
-                above.link[0],
-                engine.frame((above.link[0], BASE)),
-                self._bodies.velocity[at],
-                self._bodies.spin[at],
-            )
-        for joint in moving:
-            index = self.joint_index[joint.name]
-            engine.put_joint(joint.body, joint.index, self.position[index], self.velocity[index])
+            at, frame = names.index(body), engine.frame((number, BASE))
+            engine.put(number, frame, self._bodies.velocity[at], self._bodies.spin[at])
+        for joint in self.physics.joints.values():
+            if joint.body == number:
+                index = self.joint_index[joint.name]
+                engine.put_joint(number, joint.index, self.position[index], self.velocity[index])
         motion = engine.motion(above.link)
-        x, y, z = (a - b for a, b in zip(self.world_pose(thing)[0], motion.centre, strict=True))
+        x, y, z = (p - c for p, c in zip(self.world_pose(thing)[0], motion.centre, strict=True))
         (a, b, c), (u, v, w) = motion.spin, motion.velocity
         return (u + b * z - c * y, v + c * x - a * z, w + a * y - b * x), motion.spin
 
@@ -324,8 +322,8 @@ class Scene:
             engine.put_joint(joint.body, joint.index, position, 0.0)
         if self._bodies is not None and names:
             rows = zip(names, self._bodies.position, self._bodies.orientation, strict=True)
-            for name, position, turn in rows:
-                engine.put(physics.bodies.index(name), (position, turn))
+            for name, at, turn in rows:
+                engine.put(physics.bodies.index(name), (at, turn))
         engine.update_shapes()
 
     def put_joint(self, joint: Joint, position: float) -> None:
@@ -390,6 +388,11 @@ def relative(frame: Pose, pose: Pose) -> Pose:
 def composed(frame: Pose, pose: Pose) -> Pose:
     """Return a pose of a frame in the world."""
     return _EXACT.compose(frame, pose)
+
+
+def inverse(pose: Pose) -> Pose:
+    """Return the pose of the frame that a pose is given in, in the frame of the pose."""
+    return _EXACT.inverse(pose)
 
 
 def _about(axis: Point, angle: float) -> Quaternion:

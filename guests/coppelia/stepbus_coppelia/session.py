@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import os
+import struct
 import subprocess
 import sys
 import time
@@ -16,7 +17,7 @@ import zmq
 from stepbus_coppelia.clients import ApiError, Client, Endpoint
 from stepbus_coppelia.drawings import Canvas
 from stepbus_coppelia.edits import ONLY_STOPPED, Changes, Edits
-from stepbus_coppelia.functions import CONSTANTS, FUNCTIONS
+from stepbus_coppelia.functions import CONSTANTS, GROUPS
 from stepbus_coppelia.joints import FREE, POSITION, Control, Group
 from stepbus_coppelia.messages import BodyStates
 from stepbus_coppelia.scene import Scene, SceneObject
@@ -28,7 +29,7 @@ STOPPED, PAUSED, FIRST, RUNNING = 0, 8, 16, 17
 """Numbers of `sim.simulation_*`."""
 PORT_VARIABLE = "STEPBUS_COPPELIA_PORT"
 ENV = "env "
-"""Before a program that is named by its path, as of /usr/bin/env: a scenario's files have others."""
+"""Before a program that is named by its path, as of /usr/bin/env: it is no file of a scenario."""
 _TICK_S = 0.1
 _LONGEST_CALL, _MOST_CALLS = 200, 200
 """Characters of a call that is recorded, and different ones of a step."""
@@ -54,16 +55,22 @@ class Session:
         dt: float,
         params: Any,
         functions: object,
+        *,
         say: Callable[[str], None],
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
-        self.edits, self.dt, self.params, self.functions = edits, dt, params, functions
+        self.edits, self.dt, self.params, self.lua = edits, dt, params, functions
         self.scene = scene = Scene(edits.opened({}), params.aliases, params.proximity_sensors)
         self.say, self._interrupted = say, interrupted
         self.clients: list[Client] = []
         self.endpoints: list[Endpoint] = []
         self.state, self.step, self.time = STOPPED, 0, 0.0
-        self.client: Client | None = None
+        self.client = Client("")
+        self._functions = {
+            name: getattr(group, work)
+            for group in (kind(self) for kind in GROUPS)
+            for name, work in group.names().items()
+        }
         self.signals: dict[str, Any] = {}
         self.unanswered: Counter[str] = Counter()
         self.initial, self.changes = Changes(), Changes()
@@ -130,9 +137,9 @@ class Session:
 
     def call(self, client: Client, name: str, args: list[Any]) -> list[Any]:
         """Call a function by its name without `sim.`; return its results. Raises ApiError."""
-        row = FUNCTIONS.get(name)
+        work = self._functions.get(name)
         where = f"in sim.{name}"
-        if row is None:
+        if work is None:
             self.unanswered[name] += 1
             raise ApiError(f"{where}: this function is not available in stepbus.")
         self.client = client
@@ -142,10 +149,17 @@ class Session:
             self.calls[text] = self.calls.get(text, 0) + 1
         try:
             self._settle()
-            result = row.work(self, *args)
+            result = work(*args)
         except ApiError as exc:
             raise ApiError(f"{where}: {exc}") from None
-        except (TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError) as exc:
+        except (
+            TypeError,
+            ValueError,
+            LookupError,
+            AttributeError,
+            ArithmeticError,
+            struct.error,
+        ) as exc:
             raise ApiError(f"{where}: bad arguments ({exc}).") from None
         if result is None:
             return []
@@ -272,10 +286,6 @@ class Session:
         known = {CONSTANTS[name]: value for name, value in own.items()}
         return float(known.get(parameter, thing.values.get(str(parameter), 0.0)))
 
-    def log(self, level: str, text: str) -> None:
-        """Show a message to whoever watches, and record it."""
-        self.logged.append((level, text))
-
     # --- its simulations ------------------------------------------------------------------
 
     def start(self) -> None:
@@ -362,8 +372,9 @@ class Session:
         self._due_s = max(self._due_s + self.dt, self._begun_s - self.dt)
         while True:
             if self.is_ending:
-                self.is_ending = False
-                return "sim.stopSimulation"
+                self.is_ending, has_stopped = False, self.state == STOPPED
+                self.state = STOPPED
+                return "sim.stopSimulation" if has_stopped else "all clients have left"
             if self._interrupted():
                 return "interrupted"
             wait_s = self._wait_s()
@@ -379,13 +390,17 @@ class Session:
         Raises ScriptFailed when a client holds the step for too long.
         """
         stepping = [client for client in self.clients if client.level > 0]
-        if self.state == PAUSED or (holders := [c for c in stepping if not c.waits]):
+        holders = [client for client in stepping if not client.waits]
+        # When the last one has left, it is awaited how its script ends.
+        if self.state == PAUSED or holders or (self.has_clients and not self.clients):
             held_s = time.monotonic() - self._begun_s
-            if self.state != PAUSED and held_s > self.params.client_timeout_ns * 1e-9:
+            is_late = self.state != PAUSED and held_s > self.params.client_timeout_ns * 1e-9
+            if is_late and holders:
                 raise ScriptFailed(
-                    f"step {self.step}: {holders[0].name} steps the simulation, and has not asked for "
-                    f"the next step for {held_s:.0f} s; if it needs that long, set --client-timeout"
+                    f"{holders[0].name} steps the simulation, and has not asked for a step for "
+                    f"{held_s:.0f} s; if it needs that long, set --client-timeout"
                 )
+            self.is_ending = self.is_ending or is_late
             return _TICK_S
         return 0.0 if stepping else self._due_s - time.monotonic()
 
@@ -407,7 +422,7 @@ class Session:
             return True
         if code and not self._interrupted():
             how = f"exit code {code}" if code > 0 else f"signal {-code}"
-            raise ScriptFailed(f"step {self.step}: the script has ended with {how}; see its output")
+            raise ScriptFailed(f"the script has ended with {how}; see its output")
         return False
 
     def close(self) -> None:

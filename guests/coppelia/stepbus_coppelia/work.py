@@ -1,5 +1,6 @@
 """`stepbus coppelia`: connects a script to the plant of a scenario, and runs what it starts."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from stepbus_orchestrator.scenario.override import named_from
 from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_participant import format_duration
 from stepbus_participant.parameters import parse_yaml
+from stepbus_plant.engine import BASE
 from stepbus_schemas import WiringError
 
 GATEWAY = "stepbus_coppelia.gateway:Gateway"
@@ -59,6 +61,10 @@ class Stage:
         command = [named_from(loaded.folder, "script.command", word) for word in paths]
         program = given.script[0] if given.script else ""
         command = [f"{ENV}{program}" if "/" in program else program, *command] if program else []
+        # What a script imports is beside it.
+        scripts = [Path(w).absolute() for w in given.script[1:] if Path(w).is_file()][:1]
+        beside = [f"{os.path.relpath(p.parent, loaded.folder)}/*{p.suffix}" for p in scripts]
+        self._files = [*rows.get(self.name, {}).get("files", []), *beside]
         timeout = {"client_timeout": given.client_timeout} if given.client_timeout else {}
         self._params: dict[str, Any] = {
             **before,
@@ -76,10 +82,17 @@ class Stage:
         """Return the scenario of a run; number: of the simulation, from 1 on."""
         physics, plant = session.scene.physics, self.plant
         groups = groups_of(physics.joints, physics.bodies, session.dt)
-        has_bodies = any(not body.fixed_base for body in physics.world.bodies.values())
         outputs = {**self._row.get("outputs", {})}
         outputs = {port: row for port, row in outputs.items() if _type(row) != "JointState/1"}
         outputs[STATE] = "JointState/1"
+        given = {**self._row.get("params", {}), **session.edits.params()}
+        free = [n for n, body in enumerate(physics.world.bodies.values()) if not body.fixed_base]
+        has_bodies = bool(free)
+        if free and "Poses/1" not in map(_type, outputs.values()):
+            # Where views and reports find them.
+            names = {link: name for name, link in physics.links.items()}
+            outputs["poses"] = "Poses/1"
+            given.setdefault("poses", [names[number, BASE] for number in free])
         outputs |= {BODIES: "BodyStates/1"} if has_bodies else {}
         commands = dict.fromkeys(groups, "JointCommand/1")
         params = {**self._params, "plant": {**self._params["plant"], **session.edits.params()}}
@@ -95,7 +108,7 @@ class Stage:
                 "publishes": "first",
                 "inputs": {port: f"{self.name}.{port}" for port in (*commands, CHANGES)},
                 "outputs": outputs,
-                "params": {**self._row.get("params", {}), **session.edits.params()},
+                "params": given,
             },
             self.name: {
                 "participant": GATEWAY,
@@ -108,6 +121,7 @@ class Stage:
                     EVENTS: "Event/1",
                 },
                 "params": params,
+                "files": self._files,
                 "step_timeout": format_duration(limit_ns),
             },
             **self._kept,

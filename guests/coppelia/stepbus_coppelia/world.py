@@ -47,7 +47,7 @@ class SceneParams(Params):
     """Masses that the script has given to bodies of one link [kg]."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Weighed:
     """A body of one link whose mass a script has set, as an item of the world; see `Item`."""
 

@@ -1,6 +1,5 @@
 """The ZeroMQ remote API: protocol 2 of CoppeliaSim 4.6 and later, and protocol 1 before it."""
 
-import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -9,7 +8,7 @@ import zmq
 from zmq.utils.monitor import recv_monitor_message
 
 from stepbus_coppelia.clients import ApiError, Client, Simulator
-from stepbus_coppelia.functions import CONSTANTS, FUNCTIONS
+from stepbus_coppelia.functions import CONSTANTS, NAMES
 from stepbus_participant import WiringError
 
 PORT = 23000
@@ -50,7 +49,7 @@ class ZmqEndpoint:
         self._count = 0
         try:
             self._router.bind(f"tcp://127.0.0.1:{port or '*'}")
-            self.port = int(self._router.getsockopt(zmq.LAST_ENDPOINT).decode().rpartition(":")[2])
+            self.port = int(str(self._router.last_endpoint).rstrip("'").rpartition(":")[2])
             # Protocol 1 announces steps there; a port that is found has a free one beside it only
             # by chance.
             self._steps.bind(f"tcp://127.0.0.1:{port + 1 if port else '*'}")
@@ -79,7 +78,6 @@ class ZmqEndpoint:
             client = ZmqClient(f"client {self._count} (ZeroMQ)", identity, frames[0].get(zmq.SRCFD))
             self._clients[identity] = client
             self._simulator.join(client)
-        client.heard = time.monotonic()
         if len(frames) != 3 or frames[1].bytes:
             self._drop(client, "has sent what is no request of ZeroMQ's REQ")
             return
@@ -137,11 +135,11 @@ class ZmqEndpoint:
         return self._simulator.call(client, own, args)
 
     def _info(self, module: str) -> Mapping[str, Any]:
-        names = {"sim": FUNCTIONS, "zmqRemoteApi": {"info": None, "require": None}}
+        names = {"sim": NAMES, "zmqRemoteApi": {"info", "require"}}
         if module not in names:
             raise ApiError(f"{module!r} is not available in stepbus; `sim` is")
         constants = CONSTANTS.items() if module == "sim" else ()
-        table = {name: {"func": {}} for name in names[module]}
+        table: dict[str, Any] = {name: {"func": {}} for name in sorted(names[module])}
         return table | {name: {"const": value} for name, value in constants}
 
     def _send(self, client: ZmqClient, reply: Mapping[str, Any]) -> None:

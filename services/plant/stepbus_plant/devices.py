@@ -87,7 +87,7 @@ class Devices(Remembers):
             name: ContactSensor(name, row, physics, params.proximity, seed)
             for name, row in world.contacts.items()
         }
-        self.felt: list[ContactSensor] = []
+        self.felt: list[Any] = []
         lens = Lens(params.camera, seed)
         self.cameras = {
             name: Camera(name, row, physics.links[row.link], engine, lens)

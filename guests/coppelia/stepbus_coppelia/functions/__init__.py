@@ -1,7 +1,13 @@
-"""What scripts call, one module for each kind of thing; the table has all of them by name."""
+"""What scripts call, one class for each kind of thing."""
 
-from . import joints, objects, other, sensors, simulation
+from .joints import Joints
+from .objects import Objects, Poses
+from .other import Other, Signals
+from .sensors import Sensors
+from .simulation import Simulation
 from .table import CONSTANTS as CONSTANTS
-from .table import FUNCTIONS as FUNCTIONS
+from .table import Group
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "joints", "objects", "other", "sensors", "simulation"]
+GROUPS: tuple[type[Group], ...] = (Simulation, Objects, Poses, Joints, Sensors, Signals, Other)
+NAMES = {name for group in GROUPS for name in group.names()}
+"""Of all functions, without `sim.`."""

@@ -1,146 +1,169 @@
-"""Signals, tables, drawing, scripts: what is about no object of the world."""
+"""Signals, buffers, drawing, scripts: what is about no object of the world."""
 
-from typing import TYPE_CHECKING, Any
+import struct
+from typing import Any
 
 import cbor2
+import numpy as np
 
 from stepbus_coppelia.clients import ApiError
 
-from .table import CONSTANTS, FUNCTIONS, function, number
+from .table import CONSTANTS, Group, number
 
-if TYPE_CHECKING:
-    from stepbus_coppelia.session import Session
-
-_GROUP = "other"
 _SCRIPT = 1_010_000
 """Handle of the one script that functions are called of."""
+_FORMATS = {"UInt8": "B", "UInt16": "H", "UInt32": "I", "Int32": "i", "Float": "f", "Double": "d"}
+_KINDS = {0: "B", 1: "b", 4: "f", 5: "d"}
+"""CoppeliaSim's number of a kind of buffer → NumPy's letter."""
+_CLEAR = CONSTANTS["handleflag_setmultiple"]
 
 
-# --- signals and data ----------------------------------------------------------------------------
+class Signals(Group):
+    """Values by name, and data that is kept with objects."""
+
+    title = "signals and data"
+    also = {
+        "setIntegerSignal": "setInt32Signal",
+        "setDoubleSignal": "setFloatSignal",
+        "setBufferSignal": "setStringSignal",
+        **{f"get{k}Signal": "getInt32Signal" for k in ("Integer", "Float", "Double", "Buffer")},
+        "clearIntegerSignal": "clearInt32Signal",
+        **{f"clear{k}Signal": "clearInt32Signal" for k in ("Float", "Double", "String", "Buffer")},
+        "readCustomStringData": "readCustomDataBlock",
+        "readCustomTableData": "readCustomDataBlock",
+        "writeCustomStringData": "writeCustomDataBlock",
+        "writeCustomTableData": "writeCustomDataBlock",
+    }
+
+    def setInt32Signal(self, name: str, value: Any) -> int:
+        """Set a signal."""
+        self.sim.signals[name] = int(number(value))
+        return 1
+
+    def setFloatSignal(self, name: str, value: Any) -> int:
+        """Set a signal."""
+        self.sim.signals[name] = number(value)
+        return 1
+
+    def setStringSignal(self, name: str, value: Any) -> int:
+        """Set a signal."""
+        self.sim.signals[name] = value
+        return 1
+
+    def getInt32Signal(self, name: str) -> Any:
+        """Return a signal; nothing where it is not set."""
+        return self.sim.signals.get(name)
+
+    def getStringSignal(self, name: str) -> Any:
+        """Return a signal as text; nothing where it is not set."""
+        value = self.sim.signals.get(name)
+        return value.decode(errors="replace") if isinstance(value, bytes) else value
+
+    def clearInt32Signal(self, name: Any = None) -> int:
+        """Clear a signal, or all of them; return how many."""
+        names = list(self.sim.signals) if name is None else [name]
+        return sum(self.sim.signals.pop(own, None) is not None for own in names)
+
+    def writeCustomDataBlock(self, handle: int, tag: str, data: Any) -> int:
+        """Keep data with an object, or with the scene."""
+        self._store(handle)[f"data {tag}"] = data
+        return 1
+
+    def readCustomDataBlock(self, handle: int, tag: str, *_more: Any) -> Any:
+        """Return data that was kept; nothing where there is none."""
+        return self._store(handle).get(f"data {tag}")
+
+    def _store(self, handle: int) -> dict[str, Any]:
+        return self.sim.signals if handle < 0 else self.sim.scene.get(handle).values
 
 
-def _add_signals() -> None:
-    """Add `setFloatSignal`, `getFloatSignal`, `clearFloatSignal` and the like."""
-    kinds = {"Int32": int, "Integer": int, "Float": float, "Double": float, "String": None}
-    for kind, convert in kinds.items():
-        store = "Int32" if convert is int else "Float" if convert is float else "String"
+class Other(Group):
+    """Buffers, drawing objects, and functions of other scripts."""
 
-        def put(sim: "Session", name: str, value: Any, _to: Any = convert, _in: str = store) -> int:
-            sim.signals[f"{_in} {name}"] = value if _to is None else _to(number(value))
-            return 1
+    title = "buffers, drawing and scripts"
+    also = {"getScriptHandle": "getScript"}
 
-        def get(sim: "Session", name: str, _in: str = store) -> Any:
-            value = sim.signals.get(f"{_in} {name}")
-            return value.decode(errors="replace") if isinstance(value, bytes) else value
+    def packTable(self, table: Any, _scheme: int = 0) -> bytes:
+        """Return a table as a buffer, in CBOR."""
+        return cbor2.dumps(table)
 
-        def clear(sim: "Session", name: str, _in: str = store) -> None:
-            sim.signals.pop(f"{_in} {name}", None)
+    def unpackTable(self, data: bytes) -> Any:
+        """Return the table of a buffer of `packTable`."""
+        try:
+            return cbor2.loads(data)
+        except (cbor2.CBORDecodeError, ValueError) as exc:
+            raise ApiError(f"this is no table that `packTable` has packed: {exc}") from exc
 
-        texts = ("Sets a signal.", "Returns a signal; nothing where it is not set.", "Clears it.")
-        for work, verb, text in zip((put, get, clear), ("set", "get", "clear"), texts, strict=True):
-            work.__name__, work.__doc__ = f"{verb}{kind}Signal", text
-            function("signals")(work)
+    def transformBuffer(self, data: bytes, kind: int, scale: float, add: float, to: int) -> bytes:
+        """Return a buffer with each number scaled, and of another kind."""
+        if kind not in _KINDS or to not in _KINDS:
+            raise ApiError("this kind of buffer is not available in stepbus.")
+        return (np.frombuffer(data, _KINDS[kind]) * float(scale) + add).astype(_KINDS[to]).tobytes()
 
+    def addDrawingObject(
+        self, form: int, size: float, _tolerance: float, parent: int, most: int, *more: Any
+    ) -> int:
+        """Make an object that is drawn, in a colour: points, lines and the like."""
+        colours = [row for row in more if isinstance(row, list | tuple) and len(row) >= 3]
+        frame = "" if parent == -1 else self.sim.scene.get(parent).name
+        colour = list(colours[0]) if colours else None
+        return self.sim.drawings.add(int(form), number(size), frame, int(most or 1000), colour)
 
-_add_signals()
-
-
-@function("signals", "writeCustomStringData", "writeCustomTableData")
-def write_custom_data_block(sim: "Session", handle: int, tag: str, data: Any) -> None:
-    """Keep data with an object, or with the scene."""
-    store = sim.signals if handle < 0 else sim.scene.get(handle).values
-    store[f"data {tag}"] = data
-
-
-@function("signals", "readCustomStringData", "readCustomTableData")
-def read_custom_data_block(sim: "Session", handle: int, tag: str, *_more: Any) -> tuple[Any]:
-    """Return data that was kept; nothing where there is none."""
-    store = sim.signals if handle < 0 else sim.scene.get(handle).values
-    return (store.get(f"data {tag}"),)
-
-
-@function("buffers")
-def pack_table(_sim: "Session", table: Any, _scheme: int = 0) -> bytes:
-    """Return a table as a buffer, in CBOR."""
-    return cbor2.dumps(table)
-
-
-@function("buffers")
-def unpack_table(_sim: "Session", data: bytes) -> tuple[Any]:
-    """Return the table of a buffer of `packTable`."""
-    try:
-        return (cbor2.loads(data),)
-    except (cbor2.CBORDecodeError, ValueError) as exc:
-        raise ApiError(f"this is no table that `packTable` has packed: {exc}") from exc
-
-
-# --- time ----------------------------------------------------------------------------------------
-
-
-@function("simulation")
-def wait(sim: "Session", seconds: float, is_simulated: bool = True) -> float:
-    """Return when so much simulation time has passed [s]."""
-    if sim.client is not None and sim.is_running and is_simulated:
-        sim.client.until = sim.time + number(seconds)
-        sim.client.waits = True
-    return 0.0
-
-
-# --- drawing -------------------------------------------------------------------------------------
-
-
-@function("drawing")
-def add_drawing_object(
-    sim: "Session", form: int, size: float, _tolerance: float, parent: int, most: int, *more: Any
-) -> int:
-    """Make an object that is drawn: points, lines and the like, in a colour."""
-    colours = [row for row in more if isinstance(row, list | tuple) and len(row) >= 3]
-    frame = "" if parent == -1 else sim.scene.get(parent).name
-    return sim.drawings.add(
-        int(form), number(size), frame, int(most), colours[0] if colours else None
-    )
-
-
-@function("drawing")
-def add_drawing_object_item(sim: "Session", handle: int, item: Any) -> int:
-    """Add an item to it: x, y, z of a point, or of both ends of a line; nothing: clears it."""
-    is_clearing = bool(int(handle) & CONSTANTS["handleflag_setmultiple"]) if handle > 0 else False
-    sim.drawings.draw(int(handle), None if is_clearing else item)
-    return 1
-
-
-@function("drawing")
-def remove_drawing_object(sim: "Session", handle: int) -> int:
-    """Remove it."""
-    sim.drawings.remove(int(handle))
-    return 1
-
-
-# --- scripts -------------------------------------------------------------------------------------
-
-
-@function(_GROUP, "getScriptHandle")
-def get_script(_sim: "Session", *_arguments: Any) -> int:
-    """Return a handle for `callScriptFunction`, the same for every script."""
-    return _SCRIPT
-
-
-@function(_GROUP)
-def call_script_function(sim: "Session", name: str, _script: Any = None, *arguments: Any) -> Any:
-    """Call a function of the class that `functions` of the gateway names, instead of one in Lua."""
-    if not isinstance(name, str):
-        name = _script
-    own = str(name).partition("@")[0]
-    work = getattr(sim.functions, own, None) if not own.startswith("_") else None
-    if not callable(work):
-        raise ApiError(
-            f"script function {own!r} is in Lua; write it in Python, as a method of the class that "
-            "`functions` of the gateway names."
+    def addDrawingObjectItem(self, handle: int, item: Any = None) -> int:
+        """Add x, y, z of a point, or of both ends of a line; nothing: clear it."""
+        self.sim.drawings.draw(
+            int(handle) & ~_CLEAR, None if int(handle) & _CLEAR else item or None
         )
-    return work(*arguments)
+        return 1
+
+    def removeDrawingObject(self, handle: int) -> None:
+        """Remove it; `handle_all`: remove all."""
+        self.sim.drawings.remove(int(handle))
+
+    def getScript(self, *_arguments: Any) -> int:
+        """Return a handle for `callScriptFunction`, the same for every script."""
+        return _SCRIPT
+
+    def callScriptFunction(self, name: Any, script: Any = None, *arguments: Any) -> Any:
+        """Call a function of the class that `functions` of the gateway names, not one in Lua."""
+        own = str(name if isinstance(name, str) else script).partition("@")[0]
+        work = getattr(self.sim.lua, own, None) if not own.startswith("_") else None
+        if not callable(work):
+            raise ApiError(
+                f"script function {own!r} is in Lua; write it in Python, as a method of the class "
+                "that `functions` of the gateway names."
+            )
+        return work(*arguments)
 
 
-@function(_GROUP, "getApiFunc")
-def get_api_info(_sim: "Session", *_arguments: Any) -> list[str]:
-    """Return the names of the functions."""
-    return [f"sim.{name}" for name in FUNCTIONS]
+def _add_tables() -> None:
+    """Add `packFloatTable`, `unpackFloatTable` and the like."""
+
+    def pack(form: str) -> Any:
+        def packed(_self: Other, values: Any, start: int = 0, count: int = 0) -> bytes:
+            rows = values[start : start + count] if count else values[start:]
+            return struct.pack(f"<{len(rows)}{form}", *rows)
+
+        return packed
+
+    def unpack(form: str) -> Any:
+        def unpacked(
+            _self: Other, data: bytes, start: int = 0, count: int = 0, offset: int = 0
+        ) -> list[Any]:
+            size = struct.calcsize(form)
+            rest = data[offset + start * size :]
+            count = count or len(rest) // size
+            return list(struct.unpack(f"<{count}{form}", rest[: count * size]))
+
+        return unpacked
+
+    for name, form in _FORMATS.items():
+        for verb, work, text in (
+            ("pack", pack(form), "Return numbers as a buffer."),
+            ("unpack", unpack(form), "Return the numbers of a buffer."),
+        ):
+            work.__doc__ = text
+            setattr(Other, f"{verb}{name}Table", work)
+
+
+_add_tables()

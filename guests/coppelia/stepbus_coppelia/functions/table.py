@@ -1,27 +1,37 @@
-"""The table of functions that scripts call."""
+"""What all functions of scripts share: the numbers of CoppeliaSim, and its angles and matrices."""
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from importlib import resources
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from stepbus_coppelia.clients import ApiError
 from stepbus_plant.geometry import Pose, product, quaternion, rotation
 from stepbus_schemas import Point, Quaternion
 
-
-@dataclass(frozen=True)
-class Function:
-    """A function of a script: what does it, its group in the documentation, and one line on it."""
-
-    work: Callable[..., Any]
-    group: str
-    text: str
+if TYPE_CHECKING:
+    from stepbus_coppelia.session import Session
 
 
-FUNCTIONS: dict[str, Function] = {}
-"""Name without `sim.` → function. Its work gets the session, and the arguments of the script."""
+class Group:
+    """Functions of one kind, by the names that scripts call them by, without `sim.`.
+
+    title: in the documentation. also: further names of functions. sim: the session.
+    """
+
+    title: ClassVar[str]
+    also: ClassVar[Mapping[str, str]] = {}
+
+    def __init__(self, sim: "Session") -> None:
+        self.sim = sim
+
+    @classmethod
+    def names(cls) -> dict[str, str]:
+        """Return each name of a function, further ones included → the method that does it."""
+        own = [name for name in vars(cls) if name[0] != "_" and name not in ("title", "also")]
+        return dict(zip(own, own, strict=True)) | dict(cls.also)
+
+
 CONSTANTS: Mapping[str, int] = {
     name: int(value)
     for name, _, value in (
@@ -33,20 +43,6 @@ CONSTANTS: Mapping[str, int] = {
     )
 }
 """CoppeliaSim's numbers, by name without `sim.`."""
-
-
-def function(group: str, *names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add a function to the table: `get_object` is `getObject`; names: further ones."""
-
-    def add(work: Callable[..., Any]) -> Callable[..., Any]:
-        first, *words = work.__name__.strip("_").split("_")
-        own = first + "".join(word[:1].upper() + word[1:] for word in words)
-        text = (work.__doc__ or "").strip().removesuffix(".")
-        for name in (own, *names):
-            FUNCTIONS[name] = Function(work, group, text)
-        return work
-
-    return add
 
 
 # --- what scripts give ---------------------------------------------------------------------------

@@ -9,7 +9,6 @@ import contextlib
 import functools
 import select
 import socket
-import time
 from collections import deque
 from collections.abc import Iterable
 from typing import Any
@@ -47,7 +46,6 @@ class _Connection(Client):
             raise wire.FrameError("has closed its connection")
         # It sends a long message in pieces, each after word of the last.
         self.link.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
-        self.heard = time.monotonic()
         self._inbox.bytes += data
 
     def serve(self) -> None:

@@ -1,0 +1,215 @@
+"""`stepbus coppelia`: whole sessions of a script, by a client of our own in another process."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import mini
+import pytest
+from mcap.reader import make_reader
+
+from stepbus import Recording
+
+SCRIPT = """
+import mini
+sim = mini.Client()
+joints = [sim.getObject(path) for path in ("/arm/joint1", "/joint2")]
+"""
+STEPS = """
+sim.setStepping(True)
+sim.startSimulation()
+while sim.getSimulationTime() < 0.2:
+    for joint, goal in zip(joints, (0.3, 1.0)):
+        sim.setJointTargetForce(joint, 30 * (goal - sim.getJointPosition(joint)))
+    sim.step()
+print("at", sim.getJointPosition(joints[0]), flush=True)
+sim.stopSimulation()
+"""
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Start `stepbus coppelia two_link` with a script; all that it starts is ended."""
+    shutil.copy(mini.__file__, tmp_path)
+    started = []
+
+    def begin(text, *options, scenario="two_link"):
+        script = ()
+        if text is not None:
+            (tmp_path / "script.py").write_text(text)
+            script = ("--", "python", "script.py")
+        ports = () if "--port" in options else ("--port", "0", "--legacy-port", "0")
+        words = ["coppelia", scenario, *ports, "--no-report", *options, *script]
+        process = subprocess.Popen(
+            [str(Path(sys.executable).with_name("stepbus")), *words],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        started.append(process)
+        return process
+
+    yield begin
+    for process in started:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def end(process, code=0):
+    out, err = process.communicate(timeout=100)
+    assert process.returncode == code, out + err
+    assert "Traceback" not in out + err
+    return out, err
+
+
+def stepbus(folder, *words, code=0):
+    command = [str(Path(sys.executable).with_name("stepbus")), *words]
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=100, check=False
+    )
+    assert done.returncode == code, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_a_script_is_recorded_repeated_and_branched(start, tmp_path):
+    end(start(SCRIPT + STEPS, "--out", "one"))
+    out, _ = end(start(SCRIPT + STEPS, "--out", "two"))
+    assert "finished (script: sim.stopSimulation) after 41 steps of 5 ms" in out
+    one, two = ((tmp_path / name / "run.mcap").read_bytes() for name in ("one", "two"))
+    assert one == two
+    # What the script saw is what the log shows, read by code that is none of ours.
+    with (tmp_path / "one" / "run.mcap").open("rb") as stream:
+        topics = {c.topic for _, c, _ in make_reader(stream).iter_messages()}
+    assert {"script/command", "script/calls", "plant/joint_state"} <= topics
+    states = list(Recording(tmp_path / "one").messages("plant/joint_state"))
+    assert f"at {states[40][1].position[0]}" in out
+    assert "byte for byte" in stepbus(tmp_path, "rerun", "one", "--out", "again", "--trust")
+    assert "plant: equal" in stepbus(tmp_path, "replay", "one", "--participant", "plant")
+    # Another gain, from step 20 on.
+    (tmp_path / "other.py").write_text((SCRIPT + STEPS).replace("30 *", "90 *"))
+    other = ("--set", "script.params.command=[python, other.py]", "--trust", "--no-report")
+    text = stepbus(tmp_path, "branch", "one", "--at", "20", *other, "--out", "branched")
+    assert "live from step 20" in text
+    assert "diverges from the recording at step 20: script/command" in text
+
+
+def test_a_second_simulation_is_a_run_of_its_own(start, tmp_path):
+    out, _ = end(start(SCRIPT + STEPS + STEPS, "--out", "runs"))
+    assert out.count("sim.stopSimulation) after 41 steps") == 2
+    first, second = (Recording(tmp_path / name) for name in ("runs", "runs-2"))
+    names = [list(r.messages("plant/joint_state")) for r in (first, second)]
+    assert names[0] == names[1]
+
+
+def test_without_stepping_it_keeps_to_the_clock(start):
+    text = SCRIPT + (
+        "import time\nsim.startSimulation()\nbegun = time.monotonic()\n"
+        "while sim.getSimulationTime() < 0.5: pass\n"
+        "print('took', time.monotonic() - begun, flush=True)\nsim.stopSimulation()\n"
+    )
+    out, _ = end(start(text))
+    assert float(out.split("took ")[1].split()[0]) > 0.45
+
+
+def test_protocol_1_waits_for_the_number_of_the_step(start):
+    text = """
+import mini, zmq, cbor2, os
+sim = mini.Client(version=1)
+joint = sim.getObject("/joint1")
+assert sim.call("setStepping", True, "id") == 0
+sim.startSimulation()
+for step in range(5):
+    sim.call("step", "id")
+    while sim.getSimulationTime() < 0.005 * (step + 1) - 1e-9:
+        pass
+try:
+    sim.getObject("/nothing")
+except mini.RemoteError as exc:
+    print("said", exc, flush=True)
+sim.stopSimulation()
+"""
+    out, _ = end(start(text))
+    assert "said in sim.getObject: object does not exist" in out
+    assert "after 6 steps" in out
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "says"),
+    [
+        ("raise SystemExit(3)", 4, "the script has ended with exit code 3"),
+        ("", 4, "has not started a simulation"),
+        (SCRIPT + "sim.setStepping(True)\nsim.startSimulation()\nsim.step()\nraise SystemExit(3)", 4,
+         "step 1 (t = 0.005 s): script"),
+        (SCRIPT + "import os\nsim.setStepping(True)\nsim.startSimulation()\nsim.step()\nos.kill(os.getpid(), 9)",
+         4, "the script has ended with signal 9; see its output"),
+        (SCRIPT + "import time\nsim.setStepping(True)\nsim.startSimulation()\nsim.step()\ntime.sleep(60)", 4,
+         "client 1 (ZeroMQ) steps the simulation, and has not asked for a step for 1 s"),
+    ],
+    ids=["before", "nothing", "in the midst", "killed", "silent"],
+)  # fmt: skip
+def test_a_script_that_fails_is_named(start, text, code, says):
+    process = start(text, "--client-timeout", "1s")
+    out, err = end(process, code)
+    assert says in " ".join((out + err).split())
+
+
+def test_ctrl_c_ends_it(start):
+    process = start(
+        SCRIPT + "sim.startSimulation()\nprint('runs', flush=True)\nimport time\ntime.sleep(90)"
+    )
+    assert process.stdout.readline().startswith("runs")
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, out + err
+    assert (
+        "Traceback" not in err.replace('Traceback (most recent call last):\n  File "/', "", 0)
+        or "KeyboardInterrupt" in err
+    )
+
+
+def test_a_client_from_elsewhere_and_nonsense(start):
+    process = start(None)
+    port = int(process.stderr.readline().split(":")[1].split(";")[0])
+    with socket.create_connection(("127.0.0.1", port)) as link:
+        link.sendall(b"GET / HTTP/1.1\r\n\r\n")
+    context = mini.zmq.Context()
+    raw = context.socket(mini.zmq.REQ)
+    raw.setsockopt(mini.zmq.LINGER, 0)
+    raw.connect(f"tcp://127.0.0.1:{port}")
+    for data in (b"", b"\xff" * 20, mini.cbor2.dumps([1]), mini.cbor2.dumps({"func": 1})):
+        raw.send(data)
+        assert "err" in mini.cbor2.loads(raw.recv())
+    one, two = mini.Client(port), mini.Client(port)
+    with pytest.raises(mini.RemoteError, match="plugin 'simOMPL' is not available"):
+        one.call("zmqRemoteApi.require", "simOMPL")
+    assert {"getObject", "simulation_stopped"} <= one.call("zmqRemoteApi.info", "sim").keys()
+    with pytest.raises(mini.RemoteError, match="not available in stepbus"):
+        one.eval("x")
+    two.setStepping(True)
+    one.startSimulation()
+    for number in range(3):
+        two.step()
+        assert one.getSimulationTime() == pytest.approx(0.005 * (number + 1))
+    two.close()
+    one.stopSimulation()
+    one.close()
+    raw.close()
+    context.term()
+    out, err = end(process)
+    assert "finished (script: sim.stopSimulation)" in out
+    assert "sim.eval, 1×" in err
+
+
+def test_a_port_that_is_taken_is_named(start, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        _, err = end(start("", "--port", str(port), "--legacy-port", "0"), 2)
+    assert f"cannot listen on port {port}" in err
+    assert "--port" in err
