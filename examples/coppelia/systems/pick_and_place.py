@@ -1,11 +1,10 @@
 """A pick and place with a SCARA arm, over CoppeliaSim's ZeroMQ remote API.
 
-10 cm above the cube, down, close, lift, check that the cube is really held, put it down on the mark.
+10 cm above the cube, down, close, lift, check that the cube is really held, put it on its mark.
 The script solves the arm's inverse kinematics itself, and sends a target for each joint at each
 step, along motions with minimum jerk. Whatever goes wrong stops the simulation, with its cause.
 
-    stepbus coppelia examples/coppelia/systems/pick.yaml -- \
-        python examples/coppelia/systems/pick_and_place.py
+    stepbus coppelia pick -- python examples/coppelia/systems/pick_and_place.py
 
 Needs `pip install coppeliasim-zmqremoteapi-client`. Give another force [N] as the first argument.
 """

@@ -4,7 +4,7 @@
 %   OCTAVE_PATH=<folder of remApi.oct> stepbus coppelia two_link/velocity_force -- \
 %       octave-cli examples/coppelia/systems/two_link.m
 %
-% Add `pid` for PID instead of PD. Needs V-REP's client for Octave: remApi.oct and remApiSetup.m.
+% Add `60 0.02 2` for a PID with these gains instead of PD. Needs V-REP's client for Octave: remApi.oct and remApiSetup.m.
 1;
 
 function apply(vrep, client, joint, torque)   % emulate a torque [N*m]
@@ -19,9 +19,9 @@ end
 
 here = cd(fileparts(file_in_loadpath('remApi.oct')));   % remApiSetup looks for it there only
 vrep = remApiSetup(); cd(here);
-duration = 10; limit = 50; gains = [200 0 10];         % s, N*m
-if any(strcmp(argv(), 'pid')), gains = [60 0.02 2]; end
-[kp, ki, kd] = num2cell(gains){:};
+duration = 10; limit = 50; gains = {200, 0, 10};       % s, N*m
+if numel(argv()) >= 3, gains = num2cell(cellfun(@str2double, argv()(end-2:end))); end
+[kp, ki, kd] = gains{:};
 
 client = -1;
 for attempt = 1:20                                      % V-REP may start later than this script

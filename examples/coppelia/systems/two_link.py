@@ -5,7 +5,7 @@ has no torque input: a torque is a largest force, towards a velocity that is nev
 
     stepbus coppelia two_link/velocity_force -- python examples/coppelia/systems/two_link.py
 
-Add `pid` for PID instead of PD. Needs V-REP's client: sim.py, simConst.py and remoteApi.so beside
+Add `60 0.02 2` for a PID with these gains instead of PD. Needs V-REP's client: sim.py, simConst.py and remoteApi.so beside
 this file or in PYTHONPATH, or `pip install --no-deps guira==0.1.0`.
 """
 
@@ -18,8 +18,8 @@ try:
 except ImportError:
     from guira import sim
 
-DURATION, LIMIT, UNREACHED = 10.0, 50.0, 9999.0  # s, N·m, rad/s
-KP, KI, KD = (60.0, 0.02, 2.0) if "pid" in sys.argv else (200.0, 0.0, 10.0)
+DURATION, STEP, LIMIT, UNREACHED = 10.0, 0.005, 50.0, 9999.0  # s, s, N·m, rad/s
+KP, KI, KD = [float(gain) for gain in sys.argv[1:]] or (200.0, 0.0, 10.0)
 
 
 def connect():
@@ -63,7 +63,7 @@ while t < DURATION:
         error = wanted[i] - q[i]
         torque = KP * error + integral[i] + KD * (wanted_v[i] - v[i])
         if abs(torque) < LIMIT or torque * error < 0.0:
-            integral[i] += KI * error * 0.005
+            integral[i] += KI * error * STEP
         apply(client, joint, max(-LIMIT, min(LIMIT, torque)))
         if t >= 2.0:
             squares[i] += error**2
