@@ -143,7 +143,7 @@ class Session:
             self.unanswered[name] += 1
             raise ApiError(f"{where}: this function is not available in stepbus.")
         self.client = client
-        if self.params.records_calls:
+        if self.params.records_calls and client.is_recorded:
             text = f"{client.name}: {name}({str(args)[1:-1]})"[:_LONGEST_CALL]
             text = text if text in self.calls or len(self.calls) < _MOST_CALLS else "further calls"
             self.calls[text] = self.calls.get(text, 0) + 1

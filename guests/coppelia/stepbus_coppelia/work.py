@@ -62,6 +62,8 @@ class Stage:
         before = rows[own[0]].get("params", {}) if own else {}
         self._kept = {n: row for n, row in rows.items() if n not in (*own, self.plant) and own}
         self._row = rows[self.plant]
+        # A script may ask for any joint.
+        self._row.get("params", {}).pop("joints", None)
         # A rerun finds files by their place beside the scenario, and programs where they are.
         paths = [str(Path(w).absolute()) if Path(w).is_file() else w for w in given.script[1:]]
         command = [named_from(loaded.folder, "script.command", word) for word in paths]

@@ -23,6 +23,7 @@ class Simulator:
     def __init__(self):
         self.time, self.state, self.clients = 0.0, 0, []
         self.calls, self.left, self.signals = [], [], {}
+        self.recorded = []
         self.later = False
 
     def join(self, client):
@@ -38,6 +39,7 @@ class Simulator:
 
     def call(self, client, function, args):
         self.calls.append((function, list(args)))
+        self.recorded += [function] * client.is_recorded
         result = self.objects(function, list(args))
         if result is None:
             result = self.others(function, list(args))
@@ -197,7 +199,7 @@ def value(answer, form="<f"):
 def test_answers_several_commands_at_once(sim, script):
     answers = script.ask(cmd(GET_JOINT, name=handle(1)), cmd(INT_PARAM, name=handle(12)))
     assert answers == {GET_JOINT: (0, 0, bytes(4)), INT_PARAM: (0, 0, handle(40600))}
-    assert sim.clients[0].name.startswith("client 1 (legacy, 127.0.0.1:")
+    assert sim.clients[0].name == "client 1 (legacy)"
 
 
 def test_an_empty_message_is_answered(script):
@@ -279,6 +281,14 @@ def test_a_stream_with_a_period_goes_by_simulation_time(sim, endpoint, script):
         sim.step(endpoint)
         seen.append(GET_JOINT in script.ask())
     assert seen == [False, False, True] * 2
+
+
+def test_a_stream_is_recorded_once_and_other_calls_always(sim, endpoint, script):
+    script.ask(cmd(GET_JOINT, STREAM, handle(1)))
+    for _ in range(3):
+        script.ask(cmd(INT_PARAM, name=handle(12)))
+    assert sim.calls[0] == sim.calls[-1] == ("getJointPosition", [1])
+    assert sim.recorded == ["getJointPosition"] + ["getInt32Param"] * 3
 
 
 def test_a_heavy_stream_is_sent_once_per_step(sim, endpoint, script):
