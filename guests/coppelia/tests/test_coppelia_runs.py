@@ -194,7 +194,7 @@ def test_a_client_from_elsewhere_and_nonsense(start):
     ).keys()
     with pytest.raises(mini.RemoteError, match="not available in stepbus"):
         one.eval("x")
-    with pytest.raises(mini.RemoteError, match="in sim.moveToConfig: this function is not"):
+    with pytest.raises(mini.RemoteError, match=r"in sim.moveToConfig: this function is not"):
         one.moveToConfig({})
     one.socket.send(mini.cbor2.dumps({"func": "sim.step", "args": [], "uuid": "x", "ver": 3}))
     assert "speaks version 2, the client 3" in mini.cbor2.loads(one.socket.recv())["err"]
