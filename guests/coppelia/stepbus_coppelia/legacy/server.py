@@ -168,13 +168,13 @@ class LegacyEndpoint:
 
     def _accept(self) -> None:
         with contextlib.suppress(OSError):
-            link, (host, port) = self._listener.accept()
+            link, _ = self._listener.accept()
             if len(self._connections) >= _MOST_CLIENTS:
                 link.close()
                 return
             link.setblocking(False)
             link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            name = f"client {len(self._simulator.clients) + 1} (legacy, {host}:{port})"
+            name = f"client {len(self._simulator.clients) + 1} (legacy)"
             connection = _Connection(self._simulator, link, name)
             self._connections[link.fileno()] = connection
             self._poll.register(link, select.EPOLLIN)
