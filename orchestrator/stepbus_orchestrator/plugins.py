@@ -22,6 +22,9 @@ AFTER_RUN = "stepbus.after_run"
 RERUNS = "stepbus.reruns"
 """The file that marks a folder → `(folder, number) -> run`: a `Recorded` with a method `run`."""
 
+OVERLAYS = "stepbus.overlays"
+"""Message type → `(viser scene, path, message, poses) -> handles` of what a page shows of it."""
+
 _FILE = "entry_points.txt"
 
 

@@ -13,6 +13,7 @@ class Client:
 
     name: for messages. level: how many times it has turned stepping on; 0: it runs freely. waits:
     it is answered when the next step is done, or at the time `until` [s].
+    is_recorded: whether its calls are recorded.
     """
 
     def __init__(self, name: str) -> None:
@@ -20,6 +21,7 @@ class Client:
         self.level = 0
         self.waits = False
         self.until = 0.0
+        self.is_recorded = True
 
 
 class Simulator(Protocol):

@@ -45,3 +45,7 @@ class Coppelia(Command, work="work", group="run", is_run=True):
     out: Folder = None
     """folder of the first run (default: runs/<name>-<time>)"""
     no_report: NoReport = False
+    view: bool = False
+    """show each live run in 3D in the browser"""
+    no_open: bool = False
+    """with --view, do not open a browser"""

@@ -1,11 +1,14 @@
 """Parameters of the gateway."""
 
-from typing import Any
+from typing import Annotated, Any
+
+import msgspec
 
 from stepbus_coppelia.proximity import ProximitySettings
-from stepbus_participant import Duration, Settings, Whole
+from stepbus_participant import Duration, Settings
 
 _PORT = 23000
+_Port = Annotated[int, msgspec.Meta(ge=0, le=65535)]
 
 
 class GatewayParams(Settings):
@@ -14,9 +17,9 @@ class GatewayParams(Settings):
     command: tuple[str, ...] = ()
     """Program that it starts, with its arguments; `stepbus coppelia` puts it there. Default: it
     waits for a script that you start."""
-    port: int = _PORT
+    port: _Port = _PORT
     """Port of the ZeroMQ remote API, on this machine only; 0: any that is free."""
-    legacy_ports: tuple[Whole, ...] = (19997,)
+    legacy_ports: tuple[_Port, ...] = (19997,)
     """Ports of the legacy remote API."""
     aliases: dict[str, str] = {}
     """Path that scripts use, such as `/Pioneer/leftMotor` → joint, link, body, camera or sensor of
@@ -33,8 +36,6 @@ class GatewayParams(Settings):
     """Whether the simulation starts when a script connects, as if by CoppeliaSim's button."""
     client_timeout_ns: Duration = 30_000_000_000
     """How long a client that steps the simulation may keep it from its next step."""
-    records_calls: bool = True
-    """Whether every call is recorded, with its arguments."""
     plant: dict[str, Any] = {}
     """Parameters of the plant; `stepbus coppelia` puts them there."""
     plant_seed: int = 0

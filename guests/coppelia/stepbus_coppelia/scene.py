@@ -39,9 +39,10 @@ class SceneObject:
     """An object.
 
     handle, kind: numbers. alias: its name in paths; known: further ones. name: that of the link,
-    joint, camera or sensor in the world. parent: its handle; -1: none. link: what it moves with; None: its parent. pose: in
-    the frame of that. joint, camera, sensor: of an object of that kind. is_model: whether it is the
-    root of a body. values: what the script has set of it, by CoppeliaSim's names.
+    joint, camera or sensor in the world. parent: its handle; -1: none. link: what it moves with;
+    None: its parent. pose: in the frame of that. joint, camera, sensor: of an object of that kind.
+    is_model: whether it is the root of a body. values: what the script has set of it, by
+    CoppeliaSim's numbers.
     """
 
     handle: int
@@ -82,7 +83,7 @@ class Scene:
         # Last, since what is built anew has none.
         self._paths: dict[str, SceneObject] = {}
         # The first alias of an object names it.
-        for path, name in reversed(aliases.items()):
+        for path, name in reversed(list(aliases.items())):
             found = [o for (_, own), o in self._by_name.items() if own == name]
             if not found:
                 known = suggest(name, [own for _, own in self._by_name])
@@ -171,7 +172,9 @@ class Scene:
 
     def _link(self, name: str) -> Link:
         if (link := self.physics.links.get(name)) is None:
-            raise ApiError(f"proximity_sensors: link {name!r} is unknown{suggest(name, self.physics.links)}")
+            raise ApiError(
+                f"proximity_sensors: link {name!r} is unknown{suggest(name, self.physics.links)}"
+            )
         return link
 
     def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:

@@ -30,9 +30,10 @@ STOPPED, PAUSED, FIRST, RUNNING = 0, 8, 16, 17
 PORT_VARIABLE = "STEPBUS_COPPELIA_PORT"
 ENV = "env "
 """Before a program that is named by its path, as of /usr/bin/env: it is no file of a scenario."""
+_WRONG = (TypeError, ValueError, LookupError)
 _TICK_S = 0.1
-_LONGEST_CALL, _MOST_CALLS = 200, 200
-"""Characters of a call that is recorded, and different ones of a step."""
+_LONGEST_CALL, _MOST_CALLS = 200, 75
+"""Bytes of a call that is recorded, and different ones of a step: a step has 60 kB."""
 
 
 class ScriptFailed(RunError):
@@ -143,8 +144,8 @@ class Session:
             self.unanswered[name] += 1
             raise ApiError(f"{where}: this function is not available in stepbus.")
         self.client = client
-        if self.params.records_calls:
-            text = f"{client.name}: {name}({str(args)[1:-1]})"[:_LONGEST_CALL]
+        if client.is_recorded:
+            text = f"{client.name}: {name}({ascii(args)[1:-1]})"[:_LONGEST_CALL]
             text = text if text in self.calls or len(self.calls) < _MOST_CALLS else "further calls"
             self.calls[text] = self.calls.get(text, 0) + 1
         try:
@@ -152,14 +153,7 @@ class Session:
             result = work(*args)
         except ApiError as exc:
             raise ApiError(f"{where}: {exc}") from None
-        except (
-            TypeError,
-            ValueError,
-            LookupError,
-            AttributeError,
-            ArithmeticError,
-            struct.error,
-        ) as exc:
+        except (*_WRONG, AttributeError, ArithmeticError, struct.error) as exc:
             raise ApiError(f"{where}: bad arguments ({exc}).") from None
         if result is None:
             return []

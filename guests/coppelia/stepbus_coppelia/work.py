@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.run_command import after_run, summary
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error
+from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.folder import default_folder
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.kernel.admission import participant_seed
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -27,6 +30,7 @@ from stepbus_orchestrator.scenario.override import named_from
 from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_participant import format_duration
 from stepbus_participant.parameters import parse_yaml
+from stepbus_plant.engine import BASE
 from stepbus_schemas import WiringError
 
 GATEWAY = "stepbus_coppelia.gateway:Gateway"
@@ -45,6 +49,9 @@ class Stage:
     def __init__(self, given: Coppelia) -> None:
         self.scenario = loaded = load(given.scenario, given.set)
         self._content: dict[str, Any] = parse_yaml("scenario", resolved(loaded))
+        if not any(text.startswith("duration=") for text in given.set):
+            # The script says when it is over.
+            self._content.pop("duration", None)
         rows: dict[str, dict[str, Any]] = self._content["participants"]
         plants = [n for n, row in rows.items() if row.get("participant") in (PLANT, SCENE_PLANT)]
         if len(plants) != 1:
@@ -55,14 +62,16 @@ class Stage:
         before = rows[own[0]].get("params", {}) if own else {}
         self._kept = {n: row for n, row in rows.items() if n not in (*own, self.plant) and own}
         self._row = rows[self.plant]
+        # A script may ask for any joint.
+        self._row.get("params", {}).pop("joints", None)
         # A rerun finds files by their place beside the scenario, and programs where they are.
         paths = [str(Path(w).absolute()) if Path(w).is_file() else w for w in given.script[1:]]
         command = [named_from(loaded.folder, "script.command", word) for word in paths]
         program = given.script[0] if given.script else ""
         command = [f"{ENV}{program}" if "/" in program else program, *command] if program else []
         # What a script imports is beside it.
-        own = [Path(w) for w in given.script[1:] if Path(w).is_file()][:1]
-        beside = [f"{os.path.relpath(p.absolute().parent, loaded.folder)}/*{p.suffix}" for p in own]
+        scripts = [Path(w).absolute() for w in given.script[1:] if Path(w).is_file()][:1]
+        beside = [f"{os.path.relpath(p.parent, loaded.folder)}/*{p.suffix}" for p in scripts]
         self._files = [*rows.get(self.name, {}).get("files", []), *beside]
         timeout = {"client_timeout": given.client_timeout} if given.client_timeout else {}
         self._params: dict[str, Any] = {
@@ -82,10 +91,19 @@ class Stage:
         """Return the scenario of a run; number: of the simulation, from 1 on."""
         physics, plant = session.scene.physics, self.plant
         groups = groups_of(physics.joints, physics.bodies, session.dt)
-        has_bodies = any(not body.fixed_base for body in physics.world.bodies.values())
         outputs = {**self._row.get("outputs", {})}
         outputs = {port: row for port, row in outputs.items() if _type(row) != "JointState/1"}
         outputs[STATE] = "JointState/1"
+        given = {**self._row.get("params", {}), **session.edits.params()}
+        has_joints = {joint.body for joint in physics.joints.values()}
+        bodies = list(enumerate(physics.world.bodies.values()))
+        has_bodies = not all(body.fixed_base for _, body in bodies)
+        shown = [n for n, body in bodies if not body.fixed_base or n not in has_joints]
+        if shown and "Poses/1" not in map(_type, outputs.values()):
+            # Where views and reports find what a script moves.
+            names = {link: name for name, link in physics.links.items()}
+            outputs["poses"] = "Poses/1"
+            given.setdefault("poses", [names[number, BASE] for number in shown])
         outputs |= {BODIES: "BodyStates/1"} if has_bodies else {}
         commands = dict.fromkeys(groups, "JointCommand/1")
         params = {**self._params, "plant": {**self._params["plant"], **session.edits.params()}}
@@ -101,7 +119,7 @@ class Stage:
                 "publishes": "first",
                 "inputs": {port: f"{self.name}.{port}" for port in (*commands, CHANGES)},
                 "outputs": outputs,
-                "params": {**self._row.get("params", {}), **session.edits.params()},
+                "params": given,
             },
             self.name: {
                 "participant": GATEWAY,
@@ -177,14 +195,16 @@ def _simulations(given: Coppelia, stage: Stage, session: Session, interrupt: Any
     code = 0
     while not code and session.serve_until_started():
         scenario = stage.scenario_of(session, session.runs)
-        out = (
-            given.out
-            if session.runs == 1 or given.out is None
-            else Path(f"{given.out}-{session.runs}")
-        )
-        options = Options(out=out, host=InProcess())
-        with displayed(scenario.name, quiet=False) as shown:
-            result = run(scenario, options, shown, interrupt)
+        out = given.out or default_folder(scenario, Path("runs"))
+        if given.out and session.runs > 1:
+            out = Path(f"{out}-{session.runs}")
+        with ExitStack() as stack:
+            if given.view:
+                opens = not given.no_open
+                view = viewed(out, opens=opens, stays=False, interrupt=interrupt)
+                stack.enter_context(view)
+            shown = stack.enter_context(displayed(scenario.name, quiet=False))
+            result = run(scenario, Options(out=out, host=InProcess()), shown, interrupt)
         session.stop()
         session.is_ending = False
         lines = after_run(result, has_plots=not given.no_report, is_interrupted=interrupt.is_set())

@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import function_table
 import numpy as np
 import pytest
 from stepbus_coppelia.clients import ApiError, Client
@@ -448,3 +449,8 @@ def test_the_port_is_on_this_machine_only(sim):
     path = Path("/proc/net/tcp").read_text()
     row = next(line for line in path.splitlines() if f":{sim.state.port:04X} 00000000:0000" in line)
     assert "0100007F:" in row
+
+
+def test_the_page_has_the_table_of_functions():
+    page = function_table.PAGE.read_text()
+    assert page == function_table.written(page), "run guests/coppelia/tests/function_table.py"

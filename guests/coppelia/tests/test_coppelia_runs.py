@@ -219,9 +219,15 @@ def test_a_client_from_elsewhere_and_nonsense(start):
     one, two = mini.Client(port), mini.Client(port)
     with pytest.raises(mini.RemoteError, match="plugin 'simOMPL' is not available"):
         one.call("zmqRemoteApi.require", "simOMPL")
-    assert {"getObject", "simulation_stopped"} <= one.call("zmqRemoteApi.info", "sim").keys()
+    assert {"getObject", "moveToConfig", "simulation_stopped"} <= one.call(
+        "zmqRemoteApi.info", "sim"
+    ).keys()
     with pytest.raises(mini.RemoteError, match="not available in stepbus"):
         one.eval("x")
+    with pytest.raises(mini.RemoteError, match="in sim.moveToConfig: this function is not"):
+        one.moveToConfig({})
+    one.socket.send(mini.cbor2.dumps({"func": "sim.step", "args": [], "uuid": "x", "ver": 3}))
+    assert "speaks version 2, the client 3" in mini.cbor2.loads(one.socket.recv())["err"]
     two.setStepping(True)
     one.startSimulation()
     for number in range(3):

@@ -23,6 +23,7 @@ class Simulator:
     def __init__(self):
         self.time, self.state, self.clients = 0.0, 0, []
         self.calls, self.left, self.signals = [], [], {}
+        self.recorded = []
         self.later = False
 
     def join(self, client):
@@ -38,6 +39,7 @@ class Simulator:
 
     def call(self, client, function, args):
         self.calls.append((function, list(args)))
+        self.recorded += [function] * client.is_recorded
         result = self.objects(function, list(args))
         if result is None:
             result = self.others(function, list(args))
@@ -279,6 +281,14 @@ def test_a_stream_with_a_period_goes_by_simulation_time(sim, endpoint, script):
         sim.step(endpoint)
         seen.append(GET_JOINT in script.ask())
     assert seen == [False, False, True] * 2
+
+
+def test_a_stream_is_recorded_once_and_other_calls_always(sim, endpoint, script):
+    script.ask(cmd(GET_JOINT, STREAM, handle(1)))
+    for _ in range(3):
+        script.ask(cmd(INT_PARAM, name=handle(12)))
+    assert sim.calls[0] == sim.calls[-1] == ("getJointPosition", [1])
+    assert sim.recorded == ["getJointPosition"] + ["getInt32Param"] * 3
 
 
 def test_a_heavy_stream_is_sent_once_per_step(sim, endpoint, script):

@@ -65,7 +65,10 @@ class _Connection(Client):
             waits = passed_ms + 1e-6 < command.period or (heavy and not passed_ms)
             if waits and sent >= 0.0 and passed_ms >= 0.0 and state != _STOPPED:
                 continue
+            # How often it is answered, other than at first, depends on the client's clock.
+            self.is_recorded = sent < 0.0
             answer = self._call(command)
+            self.is_recorded = True
             self._streams[key] = command, now, len(answer.data) > _HEAVY
             if key[0] == functions.GET_AND_CLEAR and not answer.failed:
                 del self._streams[key]
@@ -137,6 +140,7 @@ class LegacyEndpoint:
         self._listener.setblocking(False)
         self.port: int = self._listener.getsockname()[1]
         self._connections: dict[int, _Connection] = {}
+        self._count = 0
         # It can be read when any of them can, or when one that was slow to read can be written to.
         self._poll = select.epoll()
         self._poll.register(self._listener, select.EPOLLIN)
@@ -174,8 +178,8 @@ class LegacyEndpoint:
                 return
             link.setblocking(False)
             link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            name = f"client {len(self._simulator.clients) + 1} (legacy)"
-            connection = _Connection(self._simulator, link, name)
+            self._count += 1
+            connection = _Connection(self._simulator, link, f"client {self._count} (legacy)")
             self._connections[link.fileno()] = connection
             self._poll.register(link, select.EPOLLIN)
             self._simulator.join(connection)

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
+from stepbus_orchestrator.plugins import OVERLAYS, points
 from stepbus_schemas import Contacts, Detections, Image, Plan
 from stepbus_tools.viewing.rasteriser import pixels_of
 from stepbus_tools.viewing.scene.build import Ports
@@ -57,7 +59,7 @@ class Overlays:
     """Draws contacts, detections and planned paths when they change."""
 
     def __init__(self, server: Any, stage: Stage, ports: Ports) -> None:
-        self._server = server
+        self._scene = server.scene
         self._stage = stage
         self._chains = {chain.topic: chain for chain in stage.scene.chains}
         self._drawn: dict[str, tuple[int, Sequence[Any]]] = {}
@@ -66,6 +68,7 @@ class Overlays:
             "Contacts/1": self._contacts,
             "Detections/1": self._detections,
             "Plan/1": self._plan,
+            **{point.name: partial(self._other, point.load()) for point in points(OVERLAYS)},
         }
         self._drawers = {
             port.topic: drawers[port.type] for port in ports.values() if port.type in drawers
@@ -104,8 +107,8 @@ class Overlays:
         if not points:
             return []
         sizes = {"shaft_radius": 0.006, "head_radius": 0.015, "head_length": 0.03}
-        scene = self._server.scene
-        return [scene.add_arrows(_path(topic), points=np.array(points), colors=_CONTACT, **sizes)]
+        shown = np.array(points)
+        return [self._scene.add_arrows(_path(topic), points=shown, colors=_CONTACT, **sizes)]
 
     def _plan(self, topic: str, plan: Plan, _: Messages) -> Sequence[Any]:
         """Draw the path of the last link that a plan moves."""
@@ -120,15 +123,13 @@ class Overlays:
         # It is of the joints, so it moves with the base.
         path = f"{self._stage.paths[chain.root]}/plan"
         segments = np.stack([points[:-1], points[1:]], axis=1)
-        scene = self._server.scene
-        return [scene.add_line_segments(path, points=segments, colors=_PATH, line_width=4.0)]
+        return [self._scene.add_line_segments(path, points=segments, colors=_PATH, line_width=4.0)]
 
     def _detections(self, topic: str, seen: Detections, messages: Messages) -> Sequence[Any]:
         """Draw a point for each item that was seen."""
         frame = self._stage.scene.world_poses(messages).get(seen.frame, Pose())
-        scene = self._server.scene
         return [
-            scene.add_icosphere(
+            self._scene.add_icosphere(
                 f"{_path(topic)}/{number}",
                 radius=0.012,
                 color=_SEEN,
@@ -136,6 +137,12 @@ class Overlays:
             )
             for number, at in enumerate(seen.position)
         ]
+
+    def _other(self, draw: Any, topic: str, message: Any, messages: Messages) -> Sequence[Any]:
+        """Let another package draw a message of its own type."""
+        poses = self._stage.scene.world_poses(messages)
+        handles: Sequence[Any] = draw(self._scene, _path(topic), message, poses)
+        return handles
 
 
 def _path(topic: str) -> str:
