@@ -32,6 +32,8 @@ class GatewayParams(Settings):
     """File that scripts load, such as `cup.ttm` → URDF."""
     functions: str = ""
     """Class with methods that stand for functions of Lua scripts: `file.py:Class`."""
+    start: bool = False
+    """Whether the simulation starts when a script connects, as if by CoppeliaSim's button."""
     client_timeout_ns: Duration = 30_000_000_000
     """How long a client that steps the simulation may keep it from its next step."""
     plant: dict[str, Any] = {}

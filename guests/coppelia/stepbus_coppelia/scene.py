@@ -344,7 +344,8 @@ class Scene:
         if thing.link is not None:
             return _EXACT.compose(self.engine.frame(thing.link), thing.pose)
         parent = self.objects.get(thing.parent)
-        return thing.pose if parent is None else _EXACT.compose(self.world_pose(parent), thing.pose)
+        frame = NOWHERE if parent is None else self.world_pose(parent, moves=True)
+        return _EXACT.compose(frame, thing.pose)
 
     def _joint_pose(self, joint: Joint, child: Pose, *, moves: bool) -> Pose:
         """Return the frame of a joint; child: that of the link beyond it."""
@@ -369,7 +370,7 @@ class Scene:
         """
         if thing.link is None or thing.kind in (VISION, PROXIMITY):
             above = self.objects.get(thing.parent)
-            frame = None if above is None else self.world_pose(above)
+            frame = None if above is None else self.world_pose(above, moves=True)
             frame = self.engine.frame(thing.link) if thing.link is not None else frame
             thing.pose = pose if frame is None else relative(frame, pose)
             return None

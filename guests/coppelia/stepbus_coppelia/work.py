@@ -78,6 +78,7 @@ class Stage:
             **before,
             **({"command": command} if command else {}),
             **timeout,
+            **({"start": True} if given.start else {}),
             "port": given.port,
             **({"legacy_ports": given.legacy_port} if given.legacy_port else {}),
             "plant": self._row.get("params", {}),
@@ -180,7 +181,8 @@ def coppelia_command(given: Coppelia) -> int:
             session.close()
         if not session.runs and not code:
             print_error(
-                "the script has not started a simulation (sim.startSimulation): nothing was run"
+                "the script has not started a simulation, so nothing was run: call sim.startSimulation, "
+                "or use --start"
             )
             return ExitCode.FAULT
         if session.unanswered:

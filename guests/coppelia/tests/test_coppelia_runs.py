@@ -100,6 +100,36 @@ def test_a_script_is_recorded_repeated_and_branched(start, tmp_path):
     assert "diverges from the recording at step 20: script/command" in text
 
 
+def test_a_simulation_may_start_with_the_script(start):
+    text = SCRIPT + "while sim.getSimulationTime() < 0.1: pass\nsim.stopSimulation()"
+    out, _ = end(start(text, "--start"))
+    assert "finished (script: sim.stopSimulation)" in out
+
+
+def test_bodies_that_move_are_where_the_plant_says(start, tmp_path):
+    (tmp_path / "ball.urdf").write_text(
+        '<robot name="b"><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"'
+        ' ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
+    )
+    (tmp_path / "world.yaml").write_text("bodies: {Ball: {urdf: ball.urdf, position: [0, 0, 9]}}")
+    (tmp_path / "fall.yaml").write_text(
+        "{name: fall, step: 50ms, duration: 1s, participants: {plant: {participant: "
+        '"stepbus_plant:Plant", publishes: first, params: {world: world.yaml}}}}'
+    )
+    text = """
+import mini
+sim = mini.Client()
+ball = sim.getObject("/Ball")
+sim.setStepping(True)
+sim.startSimulation()
+for _ in range(10): sim.step()
+print("fell", 9 - sim.getObjectPosition(ball)[2])
+sim.stopSimulation()
+"""
+    out, _ = end(start(text, scenario="fall.yaml"))
+    assert 1.2 < float(out.partition("fell ")[2].split()[0]) < 1.4
+
+
 def test_a_second_simulation_is_a_run_of_its_own(start, tmp_path):
     out, _ = end(start(SCRIPT + STEPS + STEPS, "--out", "runs"))
     assert out.count("sim.stopSimulation) after 41 steps") == 2
