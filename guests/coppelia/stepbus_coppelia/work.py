@@ -179,7 +179,7 @@ def coppelia_command(given: Coppelia) -> int:
         finally:
             gateway.shared = None
             session.close()
-        if not session.runs and not code:
+        if not (session.runs or code or interrupt.is_set()):
             print_error(
                 "the script has not started a simulation (sim.startSimulation, or --start): "
                 "nothing was run"
