@@ -104,6 +104,7 @@ class ZmqEndpoint:
         is_old = "uuid" not in request
         name, args = request["func"], request.get("args", [])
         if name == _END:
+            self._send(client, {})  # Octave's client waits for it
             self._drop(client, "")
             return
         if name == _EXECUTED:

@@ -164,6 +164,8 @@ try:
 except mini.RemoteError as exc:
     print("said", exc, flush=True)
 sim.stopSimulation()
+sim.socket.send(cbor2.dumps({"func": "_*end*_", "args": []}))
+assert cbor2.loads(sim.socket.recv()) == {}
 """
     out, _ = end(start(text))
     assert "said in sim.getObject: object does not exist" in out
