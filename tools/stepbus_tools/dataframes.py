@@ -228,11 +228,7 @@ def _aligned(
 
 
 def _error(
-    port: str,
-    column: Column,
-    t_ns: NDArray[np.int64],
-    first: MaskedArray,
-    second: MaskedArray,
+    port: str, column: Column, t_ns: NDArray[np.int64], first: MaskedArray, second: MaskedArray
 ) -> FieldError | None:
     """Return how far the values of a column are apart; None where no time has one in both."""
     known = ~(np.ma.getmaskarray(first) | np.ma.getmaskarray(second))

@@ -32,6 +32,7 @@ EXTRAS = {
     "view": "3D: `stepbus view`, `run --view`, `export --scene`",
     "sweep": "sweeps: tables, report page, optimizer",
     "cluster": "sweeps on a Ray cluster",
+    "coppelia": "scripts for CoppeliaSim: `stepbus coppelia`",
     "gym": "Gymnasium environments",
     "docs": "the documentation site",
     "dev": "the tests, the type checker and the linter",

@@ -38,8 +38,14 @@ class Coppelia(Command, work="work", group="run", is_run=True):
     STEPBUS_COPPELIA_PORT"""
     legacy_port: tuple[Port, ...] = ()
     """port of the legacy remote API (simx…); may be repeated (default: 19997; 0: any)"""
+    start: bool = False
+    """start the simulation when the script connects, as if you had pressed CoppeliaSim's button"""
     client_timeout: Duration = ""
     """how long a client that steps the simulation may keep it from its next step (default: 30s)"""
     out: Folder = None
     """folder of the first run (default: runs/<name>-<time>)"""
     no_report: NoReport = False
+    view: bool = False
+    """show each live run in 3D in the browser"""
+    no_open: bool = False
+    """with --view, do not open a browser"""

@@ -12,7 +12,7 @@ FIRST = 2_280_010
 _KINDS = {1: "lines", 2: "triangles", 3: "triangles", 8: "strip"}
 _COUNTS = {"lines": 2, "triangles": 3}
 """Points of an item."""
-_MOST_POINTS = 1500
+_MOST_POINTS = 1000
 """Of all objects, which go into one message; then the oldest of an object go."""
 _ALL, _CYCLIC, _FORM = -2, 4096, 31
 

@@ -20,6 +20,8 @@ from stepbus_schemas import Description, Event, JointState, Message, WiringError
 STATE, EVENTS, CALLS, DRAWINGS = "joint_state", "events", "calls", "drawings"
 """Ports, beside those of the commands, and `changes` and `bodies` of the plant."""
 Params = GatewayParams
+_MOST_TEXT = 500
+"""Characters of a message of a script; all of a step have ten times as many."""
 shared: Session | None = None
 """Of the command in this process, which outlives a run."""
 
@@ -86,6 +88,9 @@ class Gateway(Participant):
         physics = self._session.scene.physics
         self._groups = groups_of(physics.joints, physics.bodies, config.step_ns * 1e-9)
         self._is_own, self._has_ended = shared is None, False
+        # Here, since a script may take longer to start than it may for a step.
+        if self._is_own and not self._session.serve_until_started():
+            raise ScriptFailed("the script has ended, and has not started the simulation")
         # Messages are of the types of the run, which these classes have declared.
         self._classes = {port: config.types[row.type] for port, row in config.outputs.items()}
 
@@ -100,8 +105,6 @@ class Gateway(Participant):
         """Take the order of joints and bodies in the plant's messages."""
         bodies = inputs[BODIES].names if BODIES in inputs else []
         self._session.connect(self._groups, inputs[STATE].names, bodies)
-        if self._is_own and not self._session.serve_until_started():
-            raise ScriptFailed("the script has ended, and has not started the simulation")
 
     def update(self, step: Step) -> dict[str, Message]:
         """Answer the script until the next step may begin; return what it has commanded."""
@@ -125,7 +128,7 @@ class Gateway(Participant):
         if session.logged:
             levels = {level for level, _ in session.logged}
             level: Any = next(name for name in ("error", "warning", "info") if name in levels)
-            text = "\n".join(text for _, text in session.logged)
+            text = "\n".join(text[:_MOST_TEXT] for _, text in session.logged)[: 10 * _MOST_TEXT]
             messages[EVENTS], session.logged = Event(level=level, text=text), []
         return messages
 

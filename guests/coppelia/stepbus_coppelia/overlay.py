@@ -22,7 +22,13 @@ def draw(scene: Any, path: str, message: Any, poses: Mapping[str, Any]) -> Seque
         name, rgb = f"{path}/{number}", tuple(round(255 * min(max(c, 0.0), 1.0)) for c in colour)
         if form == "points" and count:
             made.append(
-                scene.add_point_cloud(name, points=points, colors=rgb, point_size=max(size, 1e-3))
+                scene.add_point_cloud(
+                    name,
+                    points=points,
+                    colors=rgb,
+                    point_size=max(size, 1e-3),
+                    point_shape="circle",
+                )
             )
         elif count > 1:
             pairs = _ends(form, points)

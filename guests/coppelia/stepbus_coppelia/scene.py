@@ -83,7 +83,7 @@ class Scene:
         # Last, since what is built anew has none.
         self._paths: dict[str, SceneObject] = {}
         # The first alias of an object names it.
-        for path, name in reversed(aliases.items()):
+        for path, name in reversed(list(aliases.items())):
             found = [o for (_, own), o in self._by_name.items() if own == name]
             if not found:
                 known = suggest(name, [own for _, own in self._by_name])
@@ -172,7 +172,9 @@ class Scene:
 
     def _link(self, name: str) -> Link:
         if (link := self.physics.links.get(name)) is None:
-            raise ApiError(f"proximity_sensors: link {name!r} is unknown{suggest(name, self.physics.links)}")
+            raise ApiError(
+                f"proximity_sensors: link {name!r} is unknown{suggest(name, self.physics.links)}"
+            )
         return link
 
     def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:
@@ -342,7 +344,8 @@ class Scene:
         if thing.link is not None:
             return _EXACT.compose(self.engine.frame(thing.link), thing.pose)
         parent = self.objects.get(thing.parent)
-        return thing.pose if parent is None else _EXACT.compose(self.world_pose(parent), thing.pose)
+        frame = NOWHERE if parent is None else self.world_pose(parent, moves=True)
+        return _EXACT.compose(frame, thing.pose)
 
     def _joint_pose(self, joint: Joint, child: Pose, *, moves: bool) -> Pose:
         """Return the frame of a joint; child: that of the link beyond it."""
@@ -367,7 +370,7 @@ class Scene:
         """
         if thing.link is None or thing.kind in (VISION, PROXIMITY):
             above = self.objects.get(thing.parent)
-            frame = None if above is None else self.world_pose(above)
+            frame = None if above is None else self.world_pose(above, moves=True)
             frame = self.engine.frame(thing.link) if thing.link is not None else frame
             thing.pose = pose if frame is None else relative(frame, pose)
             return None

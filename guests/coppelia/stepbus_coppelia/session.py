@@ -30,9 +30,10 @@ STOPPED, PAUSED, FIRST, RUNNING = 0, 8, 16, 17
 PORT_VARIABLE = "STEPBUS_COPPELIA_PORT"
 ENV = "env "
 """Before a program that is named by its path, as of /usr/bin/env: it is no file of a scenario."""
+_WRONG = (TypeError, ValueError, LookupError)
 _TICK_S = 0.1
-_LONGEST_CALL, _MOST_CALLS = 200, 200
-"""Characters of a call that is recorded, and different ones of a step."""
+_LONGEST_CALL, _MOST_CALLS = 200, 75
+"""Bytes of a call that is recorded, and different ones of a step: a step has 60 kB."""
 
 
 class ScriptFailed(RunError):
@@ -145,8 +146,8 @@ class Session:
             self.unanswered[name] += 1
             raise ApiError(f"{where}: this function is not available in stepbus.")
         self.client = client
-        if self.params.records_calls and client.is_recorded:
-            text = f"{client.name}: {name}({str(args)[1:-1]})"[:_LONGEST_CALL]
+        if client.is_recorded:
+            text = f"{client.name}: {name}({ascii(args)[1:-1]})"[:_LONGEST_CALL]
             text = text if text in self.calls or len(self.calls) < _MOST_CALLS else "further calls"
             self.calls[text] = self.calls.get(text, 0) + 1
         try:
@@ -154,14 +155,7 @@ class Session:
             result = work(*args)
         except ApiError as exc:
             raise ApiError(f"{where}: {exc}") from None
-        except (
-            TypeError,
-            ValueError,
-            LookupError,
-            AttributeError,
-            ArithmeticError,
-            struct.error,
-        ) as exc:
+        except (*_WRONG, AttributeError, ArithmeticError, struct.error) as exc:
             raise ApiError(f"{where}: bad arguments ({exc}).") from None
         if result is None:
             return []
@@ -221,9 +215,15 @@ class Session:
 
     def shape_changed(self, handle: int, **changes: Any) -> None:
         """Change the mass [kg], colour, or other keys of `Primitive` of a shape."""
-        if changes.keys() != {"colour"}:
+        if self.is_running and changes.keys() == {"mass"}:
+            path = self.scene.path(self.scene.get(handle))
+            text = f"{path} has its new mass from the next simulation on"
+            self.logged.append(("warning", text))
+        elif changes.keys() != {"colour"}:
             self.must_be_stopped()
         self.edits.shape_changed(self.scene.get(handle), changes)
+        # The scene shows the bodies of the plant, which has begun.
+        self.edits.is_new = self.edits.is_new and not self.is_running
 
     def remove(self, thing: SceneObject) -> None:
         """Remove what the script has made."""
@@ -299,6 +299,8 @@ class Session:
             self.state, self.step, self.time, self.runs = FIRST, 0, 0.0, self.runs + 1
             self._kept = set(self.scene.objects)
             self.changes = dataclasses.replace(self.initial)
+            for control in self.controls.values():
+                control.is_new = True
         self._due_s = time.monotonic()
 
     def stop(self) -> None:
@@ -332,11 +334,15 @@ class Session:
         """Take the state of the plant at a step, and answer those that have waited for it."""
         self.time += self.dt * (step - self.step)
         self.step = step
+        # As the scripts of CoppeliaSim's own scenes do for clients of the legacy API.
+        self.signals["legacyRemoteApiStepCounter"] = step
         if state is not None:
             self.scene.take(state, self._order, bodies)
         if self.state == FIRST and step:
             self.state = RUNNING
-        self._answer()
+        if step:
+            # Who has asked for a step before the first one waits for that.
+            self._answer()
 
     def _answer(self) -> None:
         for client in self.clients:
@@ -357,7 +363,9 @@ class Session:
         """Answer calls until a simulation is started; return False when no client is left."""
         told = time.monotonic() + 10.0
         while not self.is_running:
-            if self._interrupted() or not self._serve(_TICK_S):
+            if self.params.start and self.has_clients and not self.runs:
+                self.start()
+            elif self._interrupted() or not self._serve(_TICK_S):
                 return False
             if told and time.monotonic() > told:
                 told = 0.0

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.run_command import after_run, summary
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error
+from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.folder import default_folder
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.kernel.admission import participant_seed
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -46,6 +49,9 @@ class Stage:
     def __init__(self, given: Coppelia) -> None:
         self.scenario = loaded = load(given.scenario, given.set)
         self._content: dict[str, Any] = parse_yaml("scenario", resolved(loaded))
+        if not any(text.startswith("duration=") for text in given.set):
+            # The script says when it is over.
+            self._content.pop("duration", None)
         rows: dict[str, dict[str, Any]] = self._content["participants"]
         plants = [n for n, row in rows.items() if row.get("participant") in (PLANT, SCENE_PLANT)]
         if len(plants) != 1:
@@ -72,6 +78,7 @@ class Stage:
             **before,
             **({"command": command} if command else {}),
             **timeout,
+            **({"start": True} if given.start else {}),
             "port": given.port,
             **({"legacy_ports": given.legacy_port} if given.legacy_port else {}),
             "plant": self._row.get("params", {}),
@@ -88,13 +95,15 @@ class Stage:
         outputs = {port: row for port, row in outputs.items() if _type(row) != "JointState/1"}
         outputs[STATE] = "JointState/1"
         given = {**self._row.get("params", {}), **session.edits.params()}
-        free = [n for n, body in enumerate(physics.world.bodies.values()) if not body.fixed_base]
-        has_bodies = bool(free)
-        if free and "Poses/1" not in map(_type, outputs.values()):
-            # Where views and reports find them.
+        has_joints = {joint.body for joint in physics.joints.values()}
+        bodies = list(enumerate(physics.world.bodies.values()))
+        has_bodies = not all(body.fixed_base for _, body in bodies)
+        shown = [n for n, body in bodies if not body.fixed_base or n not in has_joints]
+        if shown and "Poses/1" not in map(_type, outputs.values()):
+            # Where views and reports find what a script moves.
             names = {link: name for name, link in physics.links.items()}
             outputs["poses"] = "Poses/1"
-            given.setdefault("poses", [names[number, BASE] for number in free])
+            given.setdefault("poses", [names[number, BASE] for number in shown])
         outputs |= {BODIES: "BodyStates/1"} if has_bodies else {}
         commands = dict.fromkeys(groups, "JointCommand/1")
         params = {**self._params, "plant": {**self._params["plant"], **session.edits.params()}}
@@ -172,7 +181,8 @@ def coppelia_command(given: Coppelia) -> int:
             session.close()
         if not session.runs and not code:
             print_error(
-                "the script has not started a simulation (sim.startSimulation): nothing was run"
+                "the script has not started a simulation, so nothing was run: call sim.startSimulation, "
+                "or use --start"
             )
             return ExitCode.FAULT
         if session.unanswered:
@@ -185,14 +195,16 @@ def _simulations(given: Coppelia, stage: Stage, session: Session, interrupt: Any
     code = 0
     while not code and session.serve_until_started():
         scenario = stage.scenario_of(session, session.runs)
-        out = (
-            given.out
-            if session.runs == 1 or given.out is None
-            else Path(f"{given.out}-{session.runs}")
-        )
-        options = Options(out=out, host=InProcess())
-        with displayed(scenario.name, quiet=False) as shown:
-            result = run(scenario, options, shown, interrupt)
+        out = given.out or default_folder(scenario, Path("runs"))
+        if given.out and session.runs > 1:
+            out = Path(f"{out}-{session.runs}")
+        with ExitStack() as stack:
+            if given.view:
+                opens = not given.no_open
+                view = viewed(out, opens=opens, stays=False, interrupt=interrupt)
+                stack.enter_context(view)
+            shown = stack.enter_context(displayed(scenario.name, quiet=False))
+            result = run(scenario, Options(out=out, host=InProcess()), shown, interrupt)
         session.stop()
         session.is_ending = False
         lines = after_run(result, has_plots=not given.no_report, is_interrupted=interrupt.is_set())

@@ -8,7 +8,7 @@ import zmq
 from zmq.utils.monitor import recv_monitor_message
 
 from stepbus_coppelia.clients import ApiError, Client, Simulator
-from stepbus_coppelia.functions import CONSTANTS, NAMES
+from stepbus_coppelia.functions import CONSTANTS, NAMES, UNAVAILABLE
 from stepbus_participant import WiringError
 
 PORT = 23000
@@ -94,6 +94,9 @@ class ZmqEndpoint:
             )
             self._drop(client, "has sent what is no request of the remote API")
             return
+        if isinstance(version := request.get("ver", VERSION), int) and version > VERSION:
+            self._send(client, {"err": f"stepbus speaks version {VERSION}, the client {version}."})
+            return
         is_old = "uuid" not in request
         name, args = request["func"], request.get("args", [])
         if name == _END:
@@ -135,7 +138,7 @@ class ZmqEndpoint:
         return self._simulator.call(client, own, args)
 
     def _info(self, module: str) -> Mapping[str, Any]:
-        names = {"sim": NAMES, "zmqRemoteApi": {"info", "require"}}
+        names = {"sim": NAMES | UNAVAILABLE, "zmqRemoteApi": {"info", "require"}}
         if module not in names:
             raise ApiError(f"{module!r} is not available in stepbus; `sim` is")
         constants = CONSTANTS.items() if module == "sim" else ()

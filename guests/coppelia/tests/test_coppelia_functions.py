@@ -64,7 +64,7 @@ def sim(folder):
             "port": 0,
             "legacy_ports": [],
             "plant": {"world": "world.yaml"},
-            "aliases": {"/Pioneer/motor[0]": "wheel", "OldArm": "arm"},
+            "aliases": {"/Pioneer/motor[0]": "wheel", "left_motor": "wheel", "OldArm": "arm"},
             "proximity_sensors": {
                 "front": {
                     "link": "body",
@@ -122,7 +122,8 @@ def test_paths_find_anything_below(sim):
 
 def test_aliases_of_a_scenario_are_paths(sim):
     wheel = sim.getObject("/Pioneer/motor[0]")
-    assert sim.getObjectAlias(wheel) == "motor"
+    assert sim.getObjectAlias(wheel) == "motor"  # the first of its aliases
+    assert sim.getObjectHandle("left_motor") == wheel == sim.getObject("/rover/motor")
     assert sim.getJointType(wheel) == CONSTANTS["joint_revolute"]
     assert sim.getObjectAlias(wheel, 1) == "/rover/motor"
 
@@ -138,6 +139,27 @@ def test_siblings_of_one_alias_are_counted(sim):
     assert sim.getObjectsInTree(made[0], -2, 1) == [made[1]]
     sim.removeObjects(made)
     assert not sim.isHandle(made[0])
+
+
+def test_a_parent_carries_what_is_below_it(sim):
+    arm, low, high = sim.getObject("/arm"), sim.createDummy(0.1), sim.createDummy(0.1)
+    sim.setObjectPosition(low, [1, 0, 0.3])
+    sim.setObjectParent(low, arm)
+    sim.setJointPosition(arm, math.pi / 2)
+    assert sim.getObjectPosition(low) == pytest.approx([0, 1, 0.3], abs=1e-6)
+    sim.setObjectPosition(low, [0, 2, 0.3])
+    sim.setJointPosition(arm, 0)
+    assert sim.getObjectPosition(low) == pytest.approx([2, 0, 0.3], abs=1e-6)
+    # Where it does not keep its place, it keeps its pose in the frame of its parent.
+    sim.setObjectPosition(high, [0.5, 0, 0])
+    sim.setObjectParent(high, low, False)
+    assert sim.getObjectPosition(high) == pytest.approx([2.5, 0, 0.3], abs=1e-6)
+    sim.setObjectParent(high, -1, False)
+    assert sim.getObjectPosition(high) == pytest.approx([0.5, 0, 0], abs=1e-6)
+    sim.setObjectParent(high, low)
+    for above in (low, high):
+        with pytest.raises(ApiError, match="object is ancestor of desired parent"):
+            sim.setObjectParent(low, above)
 
 
 def test_handles_may_be_floats(sim):
@@ -281,6 +303,18 @@ def test_what_runs_is_restored_when_it_stops(sim):
     assert not sim.isHandle(dummy)
 
 
+def test_a_step_that_is_asked_for_before_the_first_one_is_that(sim):
+    sim.setStepping(True)
+    sim.startSimulation()
+    assert len(commands(sim)) == 3  # all, so that none has never been published
+    sim.step()
+    sim.state.take(0, None, None)
+    assert sim.state.client.waits
+    sim.state.take(1, None, None)
+    assert not sim.state.client.waits
+    assert sim.getInt32Signal("legacyRemoteApiStepCounter") == 1
+
+
 def test_time_is_a_sum_as_in_coppeliasim(sim):
     sim.startSimulation()
     steps = 0
@@ -321,6 +355,18 @@ def test_images_begin_at_the_bottom(sim):
     assert depth.min() == pytest.approx(1.5, abs=0.01)
 
 
+def test_a_script_may_give_a_sensor_its_image(sim):
+    eye = sim.getObject("/eye")
+    image = bytes(range(128)) * 3
+    sim.setVisionSensorImg(eye, image)
+    sim.startSimulation()
+    assert sim.getVisionSensorImg(eye) == (image, [16, 8])
+    sim.setVisionSensorImg(eye, bytes([9]) * 128, 1)
+    assert sim.getVisionSensorCharImage(eye) == (bytes([9]) * 384, 16, 8)
+    with pytest.raises(ApiError, match="bad arguments"):
+        sim.setVisionSensorImg(eye, b"short")
+
+
 def test_distances_and_collisions(sim):
     rover, box = sim.getObject("/rover"), sim.getObject("/box")
     hit, data, pair = sim.checkDistance(rover, box, 5)
@@ -351,6 +397,15 @@ def test_shapes_are_made_before_the_simulation(sim):
     sim.stopSimulation()
     sim.removeObject(cube)
     assert "Cuboid" not in sim.state.edits.params()["primitives"]
+
+
+def test_a_mass_that_is_set_while_it_runs_is_that_of_the_next_simulation(sim):
+    box = sim.getObject("/box")
+    sim.startSimulation()
+    sim.setShapeMass(box, 2)
+    assert sim.state.logged == [("warning", "/box has its new mass from the next simulation on")]
+    assert not sim.state.edits.is_new
+    assert sim.state.edits.params()["masses"] == {"box": 2.0}
 
 
 def test_a_held_body_is_told_to_the_plant(sim):

@@ -118,6 +118,36 @@ sim.stopSimulation()
     end(start(text, scenario="pick"))
 
 
+def test_a_simulation_may_start_with_the_script(start):
+    text = SCRIPT + "while sim.getSimulationTime() < 0.1: pass\nsim.stopSimulation()"
+    out, _ = end(start(text, "--start"))
+    assert "finished (script: sim.stopSimulation)" in out
+
+
+def test_bodies_that_move_are_where_the_plant_says(start, tmp_path):
+    (tmp_path / "ball.urdf").write_text(
+        '<robot name="b"><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"'
+        ' ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
+    )
+    (tmp_path / "world.yaml").write_text("bodies: {Ball: {urdf: ball.urdf, position: [0, 0, 9]}}")
+    (tmp_path / "fall.yaml").write_text(
+        "{name: fall, step: 50ms, duration: 1s, participants: {plant: {participant: "
+        '"stepbus_plant:Plant", publishes: first, params: {world: world.yaml}}}}'
+    )
+    text = """
+import mini
+sim = mini.Client()
+ball = sim.getObject("/Ball")
+sim.setStepping(True)
+sim.startSimulation()
+for _ in range(10): sim.step()
+print("fell", 9 - sim.getObjectPosition(ball)[2])
+sim.stopSimulation()
+"""
+    out, _ = end(start(text, scenario="fall.yaml"))
+    assert 1.2 < float(out.partition("fell ")[2].split()[0]) < 1.4
+
+
 def test_a_second_simulation_is_a_run_of_its_own(start, tmp_path):
     out, _ = end(start(SCRIPT + STEPS + STEPS, "--out", "runs"))
     assert out.count("sim.stopSimulation) after 41 steps") == 2
@@ -207,9 +237,15 @@ def test_a_client_from_elsewhere_and_nonsense(start):
     one, two = mini.Client(port), mini.Client(port)
     with pytest.raises(mini.RemoteError, match="plugin 'simOMPL' is not available"):
         one.call("zmqRemoteApi.require", "simOMPL")
-    assert {"getObject", "simulation_stopped"} <= one.call("zmqRemoteApi.info", "sim").keys()
+    assert {"getObject", "moveToConfig", "simulation_stopped"} <= one.call(
+        "zmqRemoteApi.info", "sim"
+    ).keys()
     with pytest.raises(mini.RemoteError, match="not available in stepbus"):
         one.eval("x")
+    with pytest.raises(mini.RemoteError, match=r"in sim.moveToConfig: this function is not"):
+        one.moveToConfig({})
+    one.socket.send(mini.cbor2.dumps({"func": "sim.step", "args": [], "uuid": "x", "ver": 3}))
+    assert "speaks version 2, the client 3" in mini.cbor2.loads(one.socket.recv())["err"]
     two.setStepping(True)
     one.startSimulation()
     for number in range(3):

@@ -60,10 +60,7 @@ def read_fault(text: str) -> FaultSpec:
     if one is None:
         raise WiringError(f"{text!r}: not a fault; {_HELP}")
     return FaultSpec(
-        type=one[1],
-        participant=one[2],
-        step=int(one[3]),
-        duration_ns=_duration_ns(one[1], one[4]),
+        type=one[1], participant=one[2], step=int(one[3]), duration_ns=_duration_ns(one[1], one[4])
     )
 
 

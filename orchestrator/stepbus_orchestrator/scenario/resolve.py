@@ -74,10 +74,7 @@ def _as_yaml(content: bytes) -> str:
 
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:
-    content: dict[str, Any] = {
-        "name": scenario.name,
-        "step": format_duration(scenario.step_ns),
-    }
+    content: dict[str, Any] = {"name": scenario.name, "step": format_duration(scenario.step_ns)}
     if scenario.steps is not None:
         content["duration"] = format_duration(scenario.steps * scenario.step_ns)
     content["seed"] = scenario.seed

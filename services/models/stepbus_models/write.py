@@ -18,10 +18,7 @@ _SIZES = {
 
 
 def urdf_text(
-    robot: RobotDescription,
-    *,
-    for_pinocchio: bool = False,
-    meshes: Mapping[str, Path] = {},
+    robot: RobotDescription, *, for_pinocchio: bool = False, meshes: Mapping[str, Path] = {}
 ) -> str:
     """Return a robot as the text of a URDF, with every number to its last bit.
 

@@ -36,11 +36,7 @@ class Geometry:
         x, y, z, w = orientation
         u, v, t = direction
         a, b, c = 2 * (y * t - z * v), 2 * (z * u - x * t), 2 * (x * v - y * u)
-        return (
-            u + w * a + y * c - z * b,
-            v + w * b + z * a - x * c,
-            t + w * c + x * b - y * a,
-        )
+        return (u + w * a + y * c - z * b, v + w * b + z * a - x * c, t + w * c + x * b - y * a)
 
     def between(self, one: Pose, other: Pose, share: float) -> Pose:
         """Return the pose at a share of the way from one to another, turned evenly."""

@@ -56,11 +56,10 @@ class Plant(Participant):
     With `publishes: first`, it publishes the state of a step, then reads the command of that step
     and advances. With `publishes: last`, it reads the command, advances to the step, and publishes
     the state there; a command with `delay: 1` leads to the same states.
-
-    settings: the class of its parameters.
     """
 
     settings: ClassVar[type[Params]] = Params
+    """Of its parameters."""
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)

@@ -370,9 +370,7 @@ class Harness:
         wanted = len(transcript.packed) if count is None else count
         step = transcript.newest if count is None else (count - 1) * every
         self.until(
-            lambda: len(transcript.logged) >= wanted,
-            f"the log of step {step}",
-            tick=self.repeat,
+            lambda: len(transcript.logged) >= wanted, f"the log of step {step}", tick=self.repeat
         )
 
     def await_end(self, what: str, timeout_s: float, tick: Callable[[], None] | None = None) -> int:
@@ -389,13 +387,7 @@ class Harness:
     # --- stepping ----------------------------------------------------------------------------
 
     def walk(
-        self,
-        feed: Feed,
-        first: int,
-        end: int,
-        *,
-        before: Hook = _nothing,
-        after: Hook = _nothing,
+        self, feed: Feed, first: int, end: int, *, before: Hook = _nothing, after: Hook = _nothing
     ) -> None:
         """Do the steps from `first` to below `end` in lockstep.
 

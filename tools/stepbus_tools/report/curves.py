@@ -126,12 +126,7 @@ class PortCurves(PortReader):
     """
 
     def __init__(
-        self,
-        table: Table,
-        most: int,
-        *,
-        widest: int = sys.maxsize,
-        points: int = _MOST_POINTS,
+        self, table: Table, most: int, *, widest: int = sys.maxsize, points: int = _MOST_POINTS
     ) -> None:
         super().__init__(table.port)
         self.name = table.name

@@ -168,9 +168,7 @@ def _sources(row: Any) -> set[str]:
 
 
 def _watched(
-    recording: Recording,
-    rows: Mapping[str, Any],
-    plants: Mapping[str, Mapping[str, Joint]],
+    recording: Recording, rows: Mapping[str, Any], plants: Mapping[str, Mapping[str, Joint]]
 ) -> Iterator[_Watched]:
     """Yield the ports with limits: commands with those of their plant, references with all.
 

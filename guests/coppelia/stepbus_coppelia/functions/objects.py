@@ -5,7 +5,7 @@ from typing import Any
 
 from stepbus_coppelia.clients import ApiError
 from stepbus_coppelia.joints import FREE, POSITION, VELOCITY
-from stepbus_coppelia.scene import NOWHERE, SHAPE, SceneObject, composed, inverse
+from stepbus_coppelia.scene import NOWHERE, SHAPE, SceneObject, composed, inverse, relative
 from stepbus_plant.geometry import Pose
 
 from .table import (
@@ -121,18 +121,18 @@ class Objects(Group):
 
     def setObjectParent(self, handle: int, parent: Any = -1, keeps_place: bool = True) -> int:
         """Give an object another parent; a body then goes along with a link, as if held."""
-        thing = self.sim.scene.get(handle)
-        above = None if parent in (-1, None) else self.sim.scene.get(parent)
+        scene = self.sim.scene
+        thing = scene.get(handle)
+        above = None if parent in (-1, None) else scene.get(parent)
         if thing.kind == SHAPE and not thing.is_root:
-            raise ApiError(
-                f"{self.sim.scene.path(thing)} is a link of a robot, and stays its part."
-            )
-        pose = self.sim.scene.world_pose(thing)
-        thing.parent = -1 if above is None else above.handle
+            raise ApiError(f"{scene.path(thing)} is a link of a robot, and stays its part.")
+        if above is thing or above in scene.below(thing):
+            raise ApiError("object is ancestor of desired parent.")
+        pose, before = scene.world_pose(thing), scene.objects.get(thing.parent)
         if not keeps_place:
-            pose = composed(
-                NOWHERE if above is None else self.sim.scene.world_pose(above), thing.pose
-            )
+            own = pose if before is None else relative(scene.world_pose(before, moves=True), pose)
+            pose = own if above is None else composed(scene.world_pose(above, moves=True), own)
+        thing.parent = -1 if above is None else above.handle
         if thing.link is None or not keeps_place:
             self.sim.put(thing, pose)
         if thing.is_root:
@@ -196,7 +196,7 @@ class Objects(Group):
         return 1, list(self.sim.scene.get(handle).values.get("colour", (0.75, 0.75, 0.75)))
 
     def setShapeMass(self, handle: int, mass: float) -> None:
-        """Give a body of one link another mass, before the simulation [kg]."""
+        """Give a body of one link another mass, which it has from the next simulation on [kg]."""
         self.sim.shape_changed(handle, mass=number(mass))
 
     def getShapeMass(self, handle: int) -> float:

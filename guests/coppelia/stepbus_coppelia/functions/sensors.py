@@ -14,6 +14,8 @@ _ALL = CONSTANTS["handle_all"]
 _NOTHING = (0, 0.0, [0.0, 0.0, 0.0], -1, [0.0, 0.0, 0.0])
 _FAR = 10.0
 """Up to where the nearest object is looked for, where a script has no threshold [m]."""
+_GIVEN = (-1, -1)
+"""Moment of an image that a script has given."""
 
 
 class Sensors(Group):
@@ -22,6 +24,8 @@ class Sensors(Group):
     title = "sensors"
     also = {
         "getVisionSensorResolution": "getVisionSensorRes",
+        "setVisionSensorImage": "setVisionSensorImg",
+        "setVisionSensorCharImage": "setVisionSensorImg",
         "checkVisionSensor": "handleVisionSensor",
         "handleProximitySensor": "readProximitySensor",
     }
@@ -31,7 +35,7 @@ class Sensors(Group):
         thing = self.sim.scene.get(handle)
         if thing.camera is None:
             raise ApiError("object is not a vision sensor.")
-        if thing.values.get("seen") != self.sim.moment:
+        if thing.values.get("seen") not in (self.sim.moment, _GIVEN):
             size = thing.camera.row.height, thing.camera.row.width
             colours, depths = thing.camera.render()
             thing.values["seen"] = self.sim.moment
@@ -60,6 +64,15 @@ class Sensors(Group):
         """Return the image as bytes from the bottom row up, its width and its height."""
         data, size = self.getVisionSensorImg(handle, 0, 0.0, [x, y], [width, height])
         return data, *size
+
+    def setVisionSensorImg(self, handle: int, image: bytes, options: int = 0, *_more: Any) -> int:
+        """Let a sensor show an image of the script's from now on, bottom row first; 1: grey."""
+        _, colours, depths = self._images(handle)
+        shape = (*colours.shape[:2], 1 if int(options) & 1 else 3)
+        given = np.frombuffer(image, np.uint8).reshape(shape)
+        images = np.broadcast_to(given, colours.shape), depths
+        self.sim.scene.get(handle).values |= {"seen": _GIVEN, "images": images}
+        return 1
 
     def getVisionSensorDepth(
         self, handle: int, options: int = 0, at: Any = None, size: Any = None

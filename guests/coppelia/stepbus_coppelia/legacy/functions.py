@@ -219,6 +219,8 @@ _PLAIN = """
 """Number and function, what the command is named by, its data, its answer's; - is nothing."""
 _TABLE: dict[int, tuple[str | Callable[..., Any], str, str, str]] = {
     RUN_STATE: (lambda call, which: call(_RUN_STATES[which], []), "i", "", ""),
+    0x1005: (lambda call, h, image: call("setVisionSensorImg", [h, image, 1]), "i", "b", ""),
+    0x1006: (lambda call, h, image: call("setVisionSensorImg", [h, image, 0]), "i", "b", ""),
     0x1009: (_proximity, "i", "", ""),
     # The most force: its sign is that of the target velocity.
     0x100E: (lambda call, *args: call("setJointTargetForce", [*args, False]), "i", "f", ""),
@@ -250,8 +252,7 @@ for _code, _name, *_forms in zip(*[iter(_PLAIN.split())] * 5, strict=True):
     _named, _takes, _gives = (form.strip("-") for form in _forms)
     _TABLE[int(_code, 16)] = (_name, _named, _takes, _gives)
 _REFUSED = """
-0006 GetObjectSelection 1005 SetVisionSensorImage 1006 SetVisionSensorImage
-100b SetSphericalJointMatrix 1010 BreakForceSensor 1014 AuxiliaryConsoleClose
+0006 GetObjectSelection 100b SetSphericalJointMatrix 1010 BreakForceSensor 1014 AuxiliaryConsoleClose
 1015 AuxiliaryConsolePrint 1016 AuxiliaryConsoleShow 1029 RemoveUI 102b EndDialog
 102c GetDialogInput 102d GetDialogResult 102f SetObjectSelection 2001 GetUISlider
 2002 SetUISlider 2003 GetUIEventButton 2004 GetUIButtonProperty 2005 SetUIButtonProperty
