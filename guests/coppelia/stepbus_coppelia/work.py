@@ -181,8 +181,8 @@ def coppelia_command(given: Coppelia) -> int:
             session.close()
         if not session.runs and not code:
             print_error(
-                "the script has not started a simulation, so nothing was run: call sim.startSimulation, "
-                "or use --start"
+                "the script has not started a simulation, so nothing was run: call "
+                "sim.startSimulation, or use --start"
             )
             return ExitCode.FAULT
         if session.unanswered:
