@@ -11,7 +11,7 @@ from stepbus_coppelia.functions import CONSTANTS, GROUPS, NAMES
 from stepbus_coppelia.functions.table import euler, matrix, of_euler, of_matrix, turn_of
 from stepbus_coppelia.gateway import open_session
 from stepbus_coppelia.joints import groups_of
-from stepbus_coppelia.params import GatewayParams
+from stepbus_coppelia.params import Params
 
 from stepbus import JointState
 
@@ -59,7 +59,7 @@ def folder(tmp_path):
 @pytest.fixture
 def sim(folder):
     """Calls functions of a session that nobody is connected to."""
-    params = GatewayParams.of(
+    params = Params.of(
         {
             "port": 0,
             "legacy_ports": [],
