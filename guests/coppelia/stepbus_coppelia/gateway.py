@@ -8,9 +8,9 @@ from stepbus_coppelia.edits import Changes, Edits
 from stepbus_coppelia.joints import groups_of
 from stepbus_coppelia.legacy.server import LegacyEndpoint
 from stepbus_coppelia.params import GatewayParams
-from stepbus_coppelia.plant import BODIES, CHANGES
+from stepbus_coppelia.plant import BODIES, CHANGES, SceneParams
 from stepbus_coppelia.session import ScriptFailed, Session
-from stepbus_coppelia.world import SceneParams, scene_world
+from stepbus_coppelia.world import scene_world
 from stepbus_coppelia.zmq_api import ZmqEndpoint
 from stepbus_participant import Config, Participant, Problems, Step, StepsOver, load_class, warn
 from stepbus_plant import load_world
@@ -19,7 +19,6 @@ from stepbus_schemas import Description, Event, JointState, Message, WiringError
 
 STATE, EVENTS, CALLS, DRAWINGS = "joint_state", "events", "calls", "drawings"
 """Ports, beside those of the commands, and `changes` and `bodies` of the plant."""
-Params = GatewayParams
 _MOST_TEXT = 500
 """Characters of a message of a script; all of a step have ten times as many."""
 shared: Session | None = None

@@ -33,7 +33,7 @@ from stepbus_participant.parameters import parse_yaml
 from stepbus_plant.engine import BASE
 from stepbus_schemas import WiringError
 
-GATEWAY = "stepbus_coppelia.gateway:Gateway"
+GATEWAY = "stepbus_coppelia:Gateway"
 PLANT, SCENE_PLANT = "stepbus_plant:Plant", "stepbus_coppelia.plant:ScenePlant"
 _SLACK_NS = 5_000_000_000
 """By which the deadline of the gateway is longer than that of its clients [ns]."""

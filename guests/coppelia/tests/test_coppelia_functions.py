@@ -190,6 +190,13 @@ def test_matrices_are_read_back(turn):
     assert np.allclose(matrix(((1, 2, 3), of_euler(euler(turn)))), rows, atol=1e-9)
 
 
+def test_poses_turn_about_an_axis(sim):
+    pose = sim.rotateAroundAxis([1, 0, 0, 0, 0, 0, 1], [0, 0, 2], [0, 1, 5], math.pi / 2)
+    assert pose == pytest.approx([1, 2, 0, 0, 0, math.sqrt(0.5), math.sqrt(0.5)])
+    rows = sim.rotateAroundAxis(sim.poseToMatrix(pose), [0, 0, 2], [0, 1, 5], -math.pi / 2)
+    assert rows == pytest.approx([1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0], abs=1e-9)
+
+
 def test_poses_are_in_any_frame_in_either_order(sim):
     box, rover, dummy = sim.getObject("/box"), sim.getObject("/rover"), sim.createDummy(0.1)
     sim.setObjectPosition(dummy, [1, 2, 3])

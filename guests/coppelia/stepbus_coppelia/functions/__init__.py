@@ -16,8 +16,8 @@ createPath createProximitySensor createScript createVisionSensor executeScriptSt
 getContactInfo getExplicitHandling getModelProperty getObjectSel getPage getRotationAxis
 getShapeInertia getShapeMesh getShapeViz groupShapes handleDynamics importMesh importShape
 interpolateMatrices interpolatePoses moveToConfig moveToPose readForceSensor resetDynamicObject
-rotateAroundAxis saveImage saveModel saveScene scaleObject setExplicitHandling setGraphStreamValue
-setJointDependency setJointInterval setObjectSel setShapeInertia setVisionSensorImg transformImage
+saveImage saveModel saveScene scaleObject setExplicitHandling setGraphStreamValue
+setJointDependency setJointInterval setObjectSel setShapeInertia transformImage
 ungroupShape yawPitchRollToAlphaBetaGamma
 """
 UNAVAILABLE = frozenset(_MORE.split())

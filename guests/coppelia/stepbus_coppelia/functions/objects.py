@@ -1,5 +1,6 @@
 """Objects: how they are found, where they are, and what they are made of."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -320,6 +321,14 @@ class Poses(Group):
         """Return a point that a matrix, or a pose, takes to the world."""
         frame = pose_of(rows) if len(rows) == 7 else of_matrix(rows)
         return list(composed(frame, (point(vector), NOWHERE[1]))[0])
+
+    def rotateAroundAxis(self, rows: Any, axis: Any, through: Any, angle: float) -> list[float]:
+        """Return a matrix, or a pose, that is turned about an axis through a point [rad]."""
+        half, length, at = number(angle) / 2, math.hypot(*point(axis)) or 1.0, point(through)
+        turn = turn_of([*(math.sin(half) * value / length for value in axis), math.cos(half)])
+        before = relative((at, NOWHERE[1]), pose_of(rows) if len(rows) == 7 else of_matrix(rows))
+        after = composed((at, turn), before)
+        return _row(after) if len(rows) == 7 else matrix(after)
 
     def getEulerAnglesFromMatrix(self, rows: Any) -> list[float]:
         """Return the Euler angles of a matrix [rad]."""
