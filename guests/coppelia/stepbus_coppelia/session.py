@@ -370,6 +370,7 @@ class Session:
             if told and time.monotonic() > told:
                 told = 0.0
                 who = "the script has connected" if self.has_clients else "no script has connected"
+                who = "the script goes on after its simulation" if self.runs else who
                 self.say(f"waiting for sim.startSimulation; {who}")
         return True
 
