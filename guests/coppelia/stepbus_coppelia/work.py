@@ -179,12 +179,11 @@ def coppelia_command(given: Coppelia) -> int:
         finally:
             gateway.shared = None
             session.close()
-        if not session.runs and not code:
-            print_error(
-                "the script has not started a simulation, so nothing was run: call "
-                "sim.startSimulation, or use --start"
-            )
-            return ExitCode.FAULT
+        if not (session.runs or code):
+            text = "the script has not started a simulation (sim.startSimulation, or --start)"
+            is_over = interrupt.is_set()
+            print_error("interrupted by the user" if is_over else f"{text}: nothing was run")
+            return ExitCode.INTERRUPTED if is_over else ExitCode.FAULT
         if session.unanswered:
             rows = [f"  sim.{name}, {count}×" for name, count in session.unanswered.items()]
             _say("\n".join(["functions that are not available:", *rows]))

@@ -74,8 +74,12 @@ class ZmqEndpoint:
         identity = frames[0].bytes
         client = self._clients.get(identity)
         if client is None:
+            try:
+                file = frames[0].get(zmq.SRCFD)
+            except zmq.ZMQError:
+                return  # bytes that ZeroMQ took for its first protocol, which names no connection
             self._count += 1
-            client = ZmqClient(f"client {self._count} (ZeroMQ)", identity, frames[0].get(zmq.SRCFD))
+            client = ZmqClient(f"client {self._count} (ZeroMQ)", identity, file)
             self._clients[identity] = client
             self._simulator.join(client)
         if len(frames) != 3 or frames[1].bytes:
@@ -100,6 +104,7 @@ class ZmqEndpoint:
         is_old = "uuid" not in request
         name, args = request["func"], request.get("args", [])
         if name == _END:
+            self._send(client, {})  # Octave's client waits for it
             self._drop(client, "")
             return
         if name == _EXECUTED:
