@@ -41,6 +41,7 @@ include_patterns = [
     "store/docs/**",
     "store/*/scenarios/*/*.md",
     "examples/README.md",
+    "examples/coppelia/systems/README.md",
     "benchmarks/README.md",
     "CONTRIBUTING.md",
     "CHANGELOG.md",

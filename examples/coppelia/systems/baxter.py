@@ -20,7 +20,8 @@ try:
 except ImportError:
     from guira import sim
 
-ARMS = [f"{side}_{joint}" for side in ("left", "right") for joint in "s0 s1 e0 e1 w0 w1 w2".split()]
+JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
+ARMS = [f"{side}_{joint}" for side in ("left", "right") for joint in JOINTS]
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 BLOCKING, ONESHOT = sim.simx_opmode_blocking, sim.simx_opmode_oneshot
 

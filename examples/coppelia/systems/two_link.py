@@ -5,8 +5,8 @@ has no torque input: a torque is a largest force, towards a velocity that is nev
 
     stepbus coppelia two_link/velocity_force -- python examples/coppelia/systems/two_link.py
 
-Add `60 0.02 2` for a PID with these gains instead of PD. Needs V-REP's client: sim.py, simConst.py and remoteApi.so beside
-this file or in PYTHONPATH, or `pip install --no-deps guira==0.1.0`.
+Add `60 0.02 2` for a PID with these gains instead of PD. Needs V-REP's client: sim.py, simConst.py
+and remoteApi.so beside this file or in PYTHONPATH, or `pip install --no-deps guira==0.1.0`.
 """
 
 import math

@@ -7,10 +7,10 @@ from typing import Any
 from stepbus_coppelia.edits import Changes, Edits
 from stepbus_coppelia.joints import groups_of
 from stepbus_coppelia.legacy.server import LegacyEndpoint
-from stepbus_coppelia.params import GatewayParams
-from stepbus_coppelia.plant import BODIES, CHANGES
+from stepbus_coppelia.params import Params
+from stepbus_coppelia.plant import BODIES, CHANGES, SceneParams
 from stepbus_coppelia.session import ScriptFailed, Session
-from stepbus_coppelia.world import SceneParams, scene_world
+from stepbus_coppelia.world import scene_world
 from stepbus_coppelia.zmq_api import ZmqEndpoint
 from stepbus_participant import Config, Participant, Problems, Step, StepsOver, load_class, warn
 from stepbus_plant import load_world
@@ -19,7 +19,6 @@ from stepbus_schemas import Description, Event, JointState, Message, WiringError
 
 STATE, EVENTS, CALLS, DRAWINGS = "joint_state", "events", "calls", "drawings"
 """Ports, beside those of the commands, and `changes` and `bodies` of the plant."""
-Params = GatewayParams
 _MOST_TEXT = 500
 """Characters of a message of a script; all of a step have ten times as many."""
 shared: Session | None = None
@@ -27,7 +26,7 @@ shared: Session | None = None
 
 
 def open_session(
-    params: GatewayParams,
+    params: Params,
     step_ns: int,
     folder: Path,
     script: tuple[Sequence[str], Path],
@@ -77,7 +76,7 @@ class Gateway(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self._params = params = config.read(GatewayParams)
+        self._params = params = config.read(Params)
         if STATE not in config.inputs:
             raise WiringError(
                 "run this scenario with `stepbus coppelia`, which connects the gateway"

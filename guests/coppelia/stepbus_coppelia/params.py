@@ -4,14 +4,30 @@ from typing import Annotated, Any
 
 import msgspec
 
-from stepbus_coppelia.proximity import ProximitySettings
-from stepbus_participant import Duration, Settings
+from stepbus_participant import Duration, NonNegative, Positive, Settings, Vector3
 
 _PORT = 23000
 _Port = Annotated[int, msgspec.Meta(ge=0, le=65535)]
 
 
-class GatewayParams(Settings):
+class ProximitySettings(Settings):
+    """A proximity sensor, which looks along the z axis of its frame."""
+
+    link: str
+    """Link that it is on, named as in `poses`."""
+    position: Vector3 = (0.0, 0.0, 0.0)
+    """Its frame in the frame of the link [m]."""
+    orientation_rpy: Vector3 = (0.0, 0.0, 0.0)
+    """Roll, pitch and yaw of its frame [rad]."""
+    range: Positive = 1.0
+    """[m]"""
+    offset: NonNegative = 0.0
+    """Nearest distance that it detects [m]."""
+    angle: NonNegative = 0.0
+    """Opening angle of its cone [rad]; 0: a ray."""
+
+
+class Params(Settings):
     """Parameters of `stepbus_coppelia:Gateway`."""
 
     command: tuple[str, ...] = ()

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_coppelia.params import ProximitySettings
 from stepbus_coppelia.scene import Scene, SceneObject
-from stepbus_participant import NonNegative, Positive, Settings, Vector3
 from stepbus_plant.geometry import rotation
 from stepbus_schemas import Point
 
@@ -14,23 +14,6 @@ _RINGS, _SPOKES = 4, 12
 """Rays of a cone, beside the one along its axis."""
 _NEAR = 2e-3
 """How far outside of a link's box a hit may be that is on it [m]."""
-
-
-class ProximitySettings(Settings):
-    """A proximity sensor, which looks along the z axis of its frame."""
-
-    link: str
-    """Link that it is on, named as in `poses`."""
-    position: Vector3 = (0.0, 0.0, 0.0)
-    """Its frame in the frame of the link [m]."""
-    orientation_rpy: Vector3 = (0.0, 0.0, 0.0)
-    """Roll, pitch and yaw of its frame [rad]."""
-    range: Positive = 1.0
-    """[m]"""
-    offset: NonNegative = 0.0
-    """Nearest distance that it detects [m]."""
-    angle: NonNegative = 0.0
-    """Opening angle of its cone [rad]; 0: a ray."""
 
 
 def directions(angle: float) -> list[Point]:

@@ -89,6 +89,7 @@ class Session:
         self._order: list[int] = []
         self._body_names: Sequence[str] = ()
         self._due_s = self._begun_s = self._look_s = 0.0
+        self._left = ""
         self._script: subprocess.Popen[bytes] | None = None
         self._poller = zmq.Poller()
         self._sockets: dict[Any, Endpoint] = {}
@@ -126,6 +127,7 @@ class Session:
         """Forget a connection that is gone; why: as the end of a sentence about it."""
         if client in self.clients:
             self.clients.remove(client)
+            self._left = f"{client.name} {why or 'has left'}"
             if why:
                 self.say(f"{client.name} {why}")
 
@@ -368,6 +370,7 @@ class Session:
             if told and time.monotonic() > told:
                 told = 0.0
                 who = "the script has connected" if self.has_clients else "no script has connected"
+                who = "the script goes on after its simulation" if self.runs else who
                 self.say(f"waiting for sim.startSimulation; {who}")
         return True
 
@@ -382,13 +385,13 @@ class Session:
             if self.is_ending:
                 self.is_ending, has_stopped = False, self.state == STOPPED
                 self.state = STOPPED
-                return "sim.stopSimulation" if has_stopped else "all clients have left"
+                return "sim.stopSimulation" if has_stopped else self._left
             if self._interrupted():
                 return "interrupted"
             wait_s = self._wait_s()
             if not self._serve(max(wait_s, 0.0)):
                 self.state = STOPPED
-                return "the script has ended" if self._script else "all clients have left"
+                return "the script has ended" if self._script else self._left
             if wait_s <= 0.0 and self._wait_s() <= 0.0 and not self.is_ending:
                 return ""
 

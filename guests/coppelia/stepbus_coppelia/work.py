@@ -11,7 +11,7 @@ from stepbus_coppelia.clients import ApiError
 from stepbus_coppelia.declared import Coppelia
 from stepbus_coppelia.gateway import CALLS, DRAWINGS, EVENTS, STATE, open_session
 from stepbus_coppelia.joints import groups_of
-from stepbus_coppelia.params import GatewayParams
+from stepbus_coppelia.params import Params
 from stepbus_coppelia.plant import BODIES, CHANGES
 from stepbus_coppelia.session import ENV, ScriptFailed, Session
 from stepbus_orchestrator.cli.interrupts import interruptible
@@ -33,7 +33,7 @@ from stepbus_participant.parameters import parse_yaml
 from stepbus_plant.engine import BASE
 from stepbus_schemas import WiringError
 
-GATEWAY = "stepbus_coppelia.gateway:Gateway"
+GATEWAY = "stepbus_coppelia:Gateway"
 PLANT, SCENE_PLANT = "stepbus_plant:Plant", "stepbus_coppelia.plant:ScenePlant"
 _SLACK_NS = 5_000_000_000
 """By which the deadline of the gateway is longer than that of its clients [ns]."""
@@ -84,7 +84,7 @@ class Stage:
             "plant": self._row.get("params", {}),
             "plant_seed": participant_seed(loaded.seed, self.plant),
         }
-        self.params = GatewayParams.of(self._params, loaded.folder)
+        self.params = Params.of(self._params, loaded.folder)
         self.command = given.script
 
     def scenario_of(self, session: Session, number: int) -> Scenario:

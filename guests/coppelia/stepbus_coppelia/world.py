@@ -4,47 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Literal
 
 from msgspec import structs
 
-from stepbus_participant import Finite, Positive, Settings, Vector3
-from stepbus_plant import Params, World
+from stepbus_coppelia.plant import Primitive, SceneParams
+from stepbus_plant import World
 from stepbus_plant.world import Body, Friction
 from stepbus_schemas import Point
-
-Kind = Literal["box", "sphere", "cylinder"]
-Colour = tuple[Finite, Finite, Finite]
-
-
-class Primitive(Settings):
-    """A shape that a script has made."""
-
-    kind: Kind
-    """Its shape."""
-    size: tuple[Positive, Positive, Positive]
-    """Along x, y and z [m]."""
-    mass: Positive = 1.0
-    """[kg]"""
-    static: bool = True
-    """Whether it stays where it is."""
-    respondable: bool = False
-    """Whether other bodies collide with it."""
-    colour: Colour = (0.75, 0.75, 0.75)
-    """Red, green and blue, 0 to 1."""
-    position: Vector3 = (0.0, 0.0, 0.0)
-    """Position in the world [m]."""
-
-
-class SceneParams(Params):
-    """Parameters of a plant whose scene a script has changed before the simulation."""
-
-    primitives: dict[str, Primitive] = {}
-    """Shapes that the script has made."""
-    models: dict[str, Body] = {}
-    """Bodies that the script has loaded."""
-    masses: dict[str, Positive] = {}
-    """Masses that the script has given to bodies of one link [kg]."""
 
 
 @dataclass

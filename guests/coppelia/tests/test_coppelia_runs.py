@@ -1,6 +1,7 @@
 """`stepbus coppelia`: whole sessions of a script, by a client of our own in another process."""
 
 import os
+import re
 import shutil
 import signal
 import socket
@@ -98,6 +99,23 @@ def test_a_script_is_recorded_repeated_and_branched(start, tmp_path):
     text = stepbus(tmp_path, "branch", "one", "--at", "20", *other, "--out", "branched")
     assert "live from step 20" in text
     assert "diverges from the recording at step 20: script/command" in text
+
+
+def test_joints_that_the_scenario_does_not_measure_are_seen(start):
+    text = """
+import mini
+sim = mini.Client()
+fingers = [sim.getObject(f"/arm/{side}_finger") for side in ("left", "right")]
+sim.setStepping(True)
+sim.startSimulation()
+for finger in fingers:
+    sim.setJointTargetVelocity(finger, -0.1)
+for step in range(20):
+    sim.step()
+assert [sim.getJointPosition(finger) < 0.03 for finger in fingers] == [True, True]
+sim.stopSimulation()
+"""
+    end(start(text, scenario="pick"))
 
 
 def test_a_simulation_may_start_with_the_script(start):
@@ -238,13 +256,12 @@ def test_a_client_from_elsewhere_and_nonsense(start):
     for number in range(3):
         two.step()
         assert one.getSimulationTime() == pytest.approx(0.005 * (number + 1))
-    two.close()
-    one.stopSimulation()
-    one.close()
     raw.close()
     context.term()
+    two.close()
+    one.close()
     out, err = end(process)
-    assert "finished (script: sim.stopSimulation)" in out
+    assert re.search(r"finished \(script: client \d \(ZeroMQ\) has left\)", out)
     assert "sim.eval, 1×" in err
 
 

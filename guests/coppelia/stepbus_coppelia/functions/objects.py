@@ -127,7 +127,7 @@ class Objects(Group):
         above = None if parent in (-1, None) else scene.get(parent)
         if thing.kind == SHAPE and not thing.is_root:
             raise ApiError(f"{scene.path(thing)} is a link of a robot, and stays its part.")
-        if above is thing or above in scene.below(thing):
+        if above is thing or above in list(scene.below(thing)):
             raise ApiError("object is ancestor of desired parent.")
         pose, before = scene.world_pose(thing), scene.objects.get(thing.parent)
         if not keeps_place:
