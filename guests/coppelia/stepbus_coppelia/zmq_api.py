@@ -74,10 +74,8 @@ class ZmqEndpoint:
         identity = frames[0].bytes
         client = self._clients.get(identity)
         if client is None:
-            self._count += 1
-            client = ZmqClient(f"client {self._count} (ZeroMQ)", identity, frames[0].get(zmq.SRCFD))
-            self._clients[identity] = client
-            self._simulator.join(client)
+            name = f"client {self._count + 1} (ZeroMQ)"
+            client = ZmqClient(name, identity, frames[0].get(zmq.SRCFD))
         if len(frames) != 3 or frames[1].bytes:
             self._drop(client, "has sent what is no request of ZeroMQ's REQ")
             return
@@ -97,6 +95,11 @@ class ZmqEndpoint:
         if isinstance(version := request.get("ver", VERSION), int) and version > VERSION:
             self._send(client, {"err": f"stepbus speaks version {VERSION}, the client {version}."})
             return
+        if client.identity not in self._clients:
+            # Not before it has made sense: a simulation ends when all clients have left.
+            self._count += 1
+            self._clients[client.identity] = client
+            self._simulator.join(client)
         is_old = "uuid" not in request
         name, args = request["func"], request.get("args", [])
         if name == _END:
