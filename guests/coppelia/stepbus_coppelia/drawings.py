@@ -85,10 +85,9 @@ class Canvas:
             return {}
         self.is_new, rows = False, list(self._objects.values())
         return {
-            "forms": [row.form for row in rows],
-            "frames": [row.frame for row in rows],
-            "sizes": [row.size for row in rows],
-            "colours": [row.colour for row in rows],
-            "counts": [len(row.points) for row in rows],
+            "objects": [
+                " ".join(map(str, (o.form, o.size, *o.colour, len(o.points), o.frame)))
+                for o in rows
+            ],
             "points": [point for row in rows for point in row.points],
         }

@@ -7,7 +7,7 @@ from typing import Any
 from stepbus_coppelia.edits import Changes, Edits
 from stepbus_coppelia.joints import groups_of
 from stepbus_coppelia.legacy.server import LegacyEndpoint
-from stepbus_coppelia.params import GatewayParams
+from stepbus_coppelia.params import Params
 from stepbus_coppelia.plant import BODIES, CHANGES, SceneParams
 from stepbus_coppelia.session import ScriptFailed, Session
 from stepbus_coppelia.world import scene_world
@@ -26,7 +26,7 @@ shared: Session | None = None
 
 
 def open_session(
-    params: GatewayParams,
+    params: Params,
     step_ns: int,
     folder: Path,
     script: tuple[Sequence[str], Path],
@@ -76,7 +76,7 @@ class Gateway(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self._params = params = config.read(GatewayParams)
+        self._params = params = config.read(Params)
         if STATE not in config.inputs:
             raise WiringError(
                 "run this scenario with `stepbus coppelia`, which connects the gateway"

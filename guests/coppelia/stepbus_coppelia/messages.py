@@ -40,16 +40,16 @@ class RemoteCalls(Message, frozen=True):
 
 
 class Drawings(Message, frozen=True):
-    """All that a script draws, when it changes: each object has one form and one colour."""
+    """All that a script draws, when it changes."""
 
-    forms: Annotated[
+    objects: Annotated[
         list[str],
-        meta("points, lines (pairs of ends), triangles (corners), or strip (a polyline)", "", "k"),
+        meta(
+            "of each: points, lines, triangles or strip (a polyline); size of a point [m] or width "
+            "of a line [pixel]; red, green, blue, 0 to 1; number of points; link in whose frame it "
+            "is, if any",
+            "",
+            "k",
+        ),
     ] = []
-    frames: Annotated[list[str], meta("link in whose frame it is; empty: the world", "", "k")] = []
-    sizes: Annotated[
-        list[float], meta("size of a point [m], or width of a line [pixel]", "m, pixel", "k")
-    ] = []
-    colours: Annotated[list[Point], meta("red, green, blue, 0 to 1", "-", "k 3")] = []
-    counts: Annotated[list[int], meta("number of points of each", "-", "k")] = []
     points: Annotated[list[Point], meta("all points: x, y, z", "m", "j 3")] = []

@@ -12,11 +12,10 @@ def draw(scene: Any, path: str, message: Any, poses: Mapping[str, Any]) -> Seque
     scene: of viser. path: below which it is. poses: of all links, by name.
     """
     made, rest = [], np.array(message.points, dtype=np.float32).reshape(-1, 3)
-    rows = zip(
-        message.forms, message.frames, message.sizes, message.colours, message.counts, strict=True
-    )
-    for number, (form, frame, size, colour, count) in enumerate(rows):
-        points, rest = rest[:count], rest[count:]
+    for number, text in enumerate(message.objects):
+        form, *figures, frame = text.split(" ", 6)
+        size, *colour, count = map(float, figures)
+        points, rest = rest[: int(count)], rest[int(count) :]
         if frame in poses:
             points = np.array([(poses[frame] @ type(poses[frame])(at)).position for at in points])
         name, rgb = f"{path}/{number}", tuple(round(255 * min(max(c, 0.0), 1.0)) for c in colour)

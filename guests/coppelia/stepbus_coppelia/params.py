@@ -27,7 +27,7 @@ class ProximitySettings(Settings):
     """Opening angle of its cone [rad]; 0: a ray."""
 
 
-class GatewayParams(Settings):
+class Params(Settings):
     """Parameters of `stepbus_coppelia:Gateway`."""
 
     command: tuple[str, ...] = ()

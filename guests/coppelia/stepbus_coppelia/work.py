@@ -11,7 +11,7 @@ from stepbus_coppelia.clients import ApiError
 from stepbus_coppelia.declared import Coppelia
 from stepbus_coppelia.gateway import CALLS, DRAWINGS, EVENTS, STATE, open_session
 from stepbus_coppelia.joints import groups_of
-from stepbus_coppelia.params import GatewayParams
+from stepbus_coppelia.params import Params
 from stepbus_coppelia.plant import BODIES, CHANGES
 from stepbus_coppelia.session import ENV, ScriptFailed, Session
 from stepbus_orchestrator.cli.interrupts import interruptible
@@ -84,7 +84,7 @@ class Stage:
             "plant": self._row.get("params", {}),
             "plant_seed": participant_seed(loaded.seed, self.plant),
         }
-        self.params = GatewayParams.of(self._params, loaded.folder)
+        self.params = Params.of(self._params, loaded.folder)
         self.command = given.script
 
     def scenario_of(self, session: Session, number: int) -> Scenario:
@@ -179,12 +179,11 @@ def coppelia_command(given: Coppelia) -> int:
         finally:
             gateway.shared = None
             session.close()
-        if not session.runs and not code:
-            print_error(
-                "the script has not started a simulation, so nothing was run: call "
-                "sim.startSimulation, or use --start"
-            )
-            return ExitCode.FAULT
+        if not (session.runs or code):
+            text = "the script has not started a simulation (sim.startSimulation, or --start)"
+            is_over = interrupt.is_set()
+            print_error("interrupted by the user" if is_over else f"{text}: nothing was run")
+            return ExitCode.INTERRUPTED if is_over else ExitCode.FAULT
         if session.unanswered:
             rows = [f"  sim.{name}, {count}×" for name, count in session.unanswered.items()]
             _say("\n".join(["functions that are not available:", *rows]))

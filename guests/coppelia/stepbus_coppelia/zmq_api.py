@@ -74,8 +74,11 @@ class ZmqEndpoint:
         identity = frames[0].bytes
         client = self._clients.get(identity)
         if client is None:
-            name = f"client {self._count + 1} (ZeroMQ)"
-            client = ZmqClient(name, identity, frames[0].get(zmq.SRCFD))
+            try:
+                file = frames[0].get(zmq.SRCFD)
+            except zmq.ZMQError:
+                return  # bytes that ZeroMQ took for its first protocol, which names no connection
+            client = ZmqClient(f"client {self._count + 1} (ZeroMQ)", identity, file)
         if len(frames) != 3 or frames[1].bytes:
             self._drop(client, "has sent what is no request of ZeroMQ's REQ")
             return
@@ -103,6 +106,7 @@ class ZmqEndpoint:
         is_old = "uuid" not in request
         name, args = request["func"], request.get("args", [])
         if name == _END:
+            self._send(client, {})  # Octave's client waits for it
             self._drop(client, "")
             return
         if name == _EXECUTED:

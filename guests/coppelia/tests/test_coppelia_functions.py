@@ -2,16 +2,18 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import function_table
 import numpy as np
 import pytest
+from stepbus_coppelia import overlay
 from stepbus_coppelia.clients import ApiError, Client
 from stepbus_coppelia.functions import CONSTANTS, GROUPS, NAMES
 from stepbus_coppelia.functions.table import euler, matrix, of_euler, of_matrix, turn_of
 from stepbus_coppelia.gateway import open_session
 from stepbus_coppelia.joints import groups_of
-from stepbus_coppelia.params import GatewayParams
+from stepbus_coppelia.params import Params
 
 from stepbus import JointState
 
@@ -59,7 +61,7 @@ def folder(tmp_path):
 @pytest.fixture
 def sim(folder):
     """Calls functions of a session that nobody is connected to."""
-    params = GatewayParams.of(
+    params = Params.of(
         {
             "port": 0,
             "legacy_ports": [],
@@ -461,3 +463,38 @@ def test_the_port_is_on_this_machine_only(sim):
 def test_the_page_has_the_table_of_functions():
     page = function_table.PAGE.read_text()
     assert page == function_table.written(page), "run guests/coppelia/tests/function_table.py"
+
+
+class Drawn:
+    """Stands for viser's scene: keeps what is added."""
+
+    def __init__(self):
+        self.rows = []
+
+    def add_point_cloud(self, name, points, colors, **more):
+        self.rows.append(("points", name, points.tolist(), colors, more["point_size"]))
+
+    def add_line_segments(self, name, points, colors, line_width):
+        self.rows.append(("lines", name, points.tolist(), colors, line_width))
+
+
+def test_what_a_script_draws_is_a_message_and_on_the_page(sim):
+    line = sim.addDrawingObject(CONSTANTS["drawing_linestrip"], 2, 0, -1, 100, [0, 0.5, 1])
+    dots = sim.addDrawingObject(CONSTANTS["drawing_spherepts"] | 4096, 0.1, 0, -1, 2)
+    for x in (1, 2, 3):
+        sim.addDrawingObjectItem(line, [x, 0, 0])
+        sim.addDrawingObjectItem(dots, [0, x, 0])
+    fields = sim.state.drawings.fields()
+    assert fields["objects"] == ["strip 2.0 0.0 0.5 1.0 3 ", "points 0.1 0.0 0.0 0.0 2 "]
+    assert sim.state.drawings.fields() == {}
+    scene = Drawn()
+    overlay.draw(scene, "/x", SimpleNamespace(**fields), {})
+    ends = [[[1, 0, 0], [2, 0, 0]], [[2, 0, 0], [3, 0, 0]]]
+    # Of cyclic objects, the oldest items go.
+    assert scene.rows == [
+        ("lines", "/x/0", ends, (0, 128, 255), 2.0),
+        ("points", "/x/1", [[0, 2, 0], [0, 3, 0]], (0, 0, 0), 0.1),
+    ]
+    sim.addDrawingObjectItem(line, None)
+    sim.removeDrawingObject(dots)
+    assert sim.state.drawings.fields()["objects"] == ["strip 2.0 0.0 0.5 1.0 0 "]

@@ -182,6 +182,8 @@ try:
 except mini.RemoteError as exc:
     print("said", exc, flush=True)
 sim.stopSimulation()
+sim.socket.send(cbor2.dumps({"func": "_*end*_", "args": []}))
+assert cbor2.loads(sim.socket.recv()) == {}
 """
     out, _ = end(start(text))
     assert "said in sim.getObject: object does not exist" in out
@@ -227,6 +229,9 @@ def test_a_client_from_elsewhere_and_nonsense(start):
     port = int(process.stderr.readline().split(":")[1].split(";")[0])
     with socket.create_connection(("127.0.0.1", port)) as link:
         link.sendall(b"GET / HTTP/1.1\r\n\r\n")
+    with socket.create_connection(("127.0.0.1", port)) as link:
+        # Which is a message of ZeroMQ's first protocol: of no name, and `abc`.
+        link.sendall(b"\x01\x00\x04\x00abc")
     context = mini.zmq.Context()
     raw = context.socket(mini.zmq.REQ)
     raw.setsockopt(mini.zmq.LINGER, 0)

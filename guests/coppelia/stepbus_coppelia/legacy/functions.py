@@ -254,8 +254,7 @@ for _code, _name, *_forms in zip(*[iter(_PLAIN.split())] * 5, strict=True):
 _REFUSED = """
 0006 GetObjectSelection 100b SetSphericalJointMatrix 1010 BreakForceSensor
 1014 AuxiliaryConsoleClose 1015 AuxiliaryConsolePrint 1016 AuxiliaryConsoleShow 1029 RemoveUI
-102b EndDialog
-102c GetDialogInput 102d GetDialogResult 102f SetObjectSelection 2001 GetUISlider
+102b EndDialog 102c GetDialogInput 102d GetDialogResult 102f SetObjectSelection 2001 GetUISlider
 2002 SetUISlider 2003 GetUIEventButton 2004 GetUIButtonProperty 2005 SetUIButtonProperty
 2006 SetUIButtonLabel 3004 TransferFile 3005 LoadUI 3006 EraseFile 3007 GetUIHandle
 3009 AuxiliaryConsoleOpen 300c DisplayDialog
