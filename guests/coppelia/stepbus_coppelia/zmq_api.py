@@ -78,10 +78,7 @@ class ZmqEndpoint:
                 file = frames[0].get(zmq.SRCFD)
             except zmq.ZMQError:
                 return  # bytes that ZeroMQ took for its first protocol, which names no connection
-            self._count += 1
-            client = ZmqClient(f"client {self._count} (ZeroMQ)", identity, file)
-            self._clients[identity] = client
-            self._simulator.join(client)
+            client = ZmqClient(f"client {self._count + 1} (ZeroMQ)", identity, file)
         if len(frames) != 3 or frames[1].bytes:
             self._drop(client, "has sent what is no request of ZeroMQ's REQ")
             return
@@ -101,6 +98,11 @@ class ZmqEndpoint:
         if isinstance(version := request.get("ver", VERSION), int) and version > VERSION:
             self._send(client, {"err": f"stepbus speaks version {VERSION}, the client {version}."})
             return
+        if client.identity not in self._clients:
+            # Not before it has made sense: a simulation ends when all clients have left.
+            self._count += 1
+            self._clients[client.identity] = client
+            self._simulator.join(client)
         is_old = "uuid" not in request
         name, args = request["func"], request.get("args", [])
         if name == _END:
