@@ -66,7 +66,9 @@ test-unit: setup
 FRESH_EXAMPLES := --fresh-examples
 
 # pytest exits with 5 if there are no such tests.
+# Clients of CoppeliaSim, without what their packages depend on: an abandoned library, a whole simulator.
 test-slow: setup
+	@$(PYTHON) -m pip install --disable-pip-version-check -q --no-deps coppeliasim-zmqremoteapi-client==2.0.4 guira==0.1.0
 	@$(PYTHON) -m pytest -m slow -n $(WORKERS) --dist worksteal || [ $$? -eq 5 ]
 	@[ -z "$(FRESH_EXAMPLES)" ] || $(PYTHON) -m pytest -m hypothesis $(FRESH_EXAMPLES) --timeout 1200
 
