@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from stepbus_coppelia.clients import ApiError
-from stepbus_coppelia.functions.table import number, numbers
+from stepbus_coppelia.functions.table import number, numbers, point
 from stepbus_schemas import Point
 
 FIRST = 2_280_010
@@ -34,8 +34,7 @@ class Canvas:
     def __init__(self) -> None:
         self._objects: dict[int, _Drawing] = {}
         self._next = FIRST
-        # The first message of a simulation says that there is none.
-        self.is_new = True
+        self.is_new = True  # the first message of a simulation says that there is none
 
     def add(self, form: int, size: float, frame: str, most: int, colour: list[float] | None) -> int:
         """Add an object of one form, in the frame of a link or of the world; return its handle.
@@ -43,11 +42,9 @@ class Canvas:
         size: [m], of lines [pixel]. most: items; 0: any number. colour: red, green, blue.
         """
         handle, self._next = self._next, self._next + 1
-        red, green, blue = numbers((colour or [0.0, 0.0, 0.0])[:3], 3)
-        kind = _KINDS.get(form & _FORM, "points")
-        self._objects[handle] = _Drawing(
-            kind, frame, number(size), (red, green, blue), [], most, bool(form & _CYCLIC)
-        )
+        kind, rgb = _KINDS.get(form & _FORM, "points"), point((colour or [0.0, 0.0, 0.0])[:3])
+        is_cyclic = bool(form & _CYCLIC)
+        self._objects[handle] = _Drawing(kind, frame, number(size), rgb, [], most, is_cyclic)
         self.is_new = True
         return handle
 
@@ -55,8 +52,7 @@ class Canvas:
         """Add an item to an object; None: remove all of them."""
         if (drawing := self._objects.get(handle)) is None:
             raise ApiError("drawing object does not exist.")
-        points, count = drawing.points, _COUNTS.get(drawing.form, 1)
-        self.is_new = True
+        points, count, self.is_new = drawing.points, _COUNTS.get(drawing.form, 1), True
         if item is None:
             points.clear()
             return
@@ -84,10 +80,6 @@ class Canvas:
         if not self.is_new:
             return {}
         self.is_new, rows = False, list(self._objects.values())
-        return {
-            "objects": [
-                " ".join(map(str, (o.form, o.size, *o.colour, len(o.points), o.frame)))
-                for o in rows
-            ],
-            "points": [point for row in rows for point in row.points],
-        }
+        heads = [(o.form, o.size, *o.colour, len(o.points), o.frame) for o in rows]
+        points = [at for row in rows for at in row.points]
+        return {"objects": [" ".join(map(str, head)) for head in heads], "points": points}

@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from stepbus_coppelia.clients import ApiError
 from stepbus_coppelia.scene import Scene
@@ -105,23 +106,19 @@ class Group:
 
     def command(self, controls: Mapping[str, Control], scene: Scene) -> JointCommand | None:
         """Return the command of all its joints, if one of them is new."""
-        rows = [controls[name] for name in self.names]
-        moving = self.mode == "velocity"
+        rows, moving = [controls[name] for name in self.names], self.mode == "velocity"
         for row in rows:
             # A velocity towards a position is another one at each step.
             row.is_new = moving and row.mode == POSITION
         if self.mode == "torque":
             return JointCommand(mode="torque", values=[row.torque() for row in rows])
+        pairs = [(row.position, abs(row.force)) for row in rows]
         if moving:
             places = [scene.position[scene.joint_index[name]] for name in self.names]
             pairs = [row.motion(now, self.dt) for row, now in zip(rows, places, strict=True)]
-            values, forces = map(list, zip(*pairs, strict=True))
-            return JointCommand(mode="velocity", values=values, effort_limit=forces)
-        return JointCommand(
-            mode="position",
-            values=[row.position for row in rows],
-            effort_limit=[abs(row.force) for row in rows],
-        )
+        values, forces = map(list, zip(*pairs, strict=True))
+        mode: Literal["velocity", "position"] = "velocity" if moving else "position"
+        return JointCommand(mode=mode, values=values, effort_limit=forces)
 
 
 def groups_of(joints: Mapping[str, Joint], bodies: Sequence[str], dt: float) -> dict[str, Group]:
@@ -131,11 +128,9 @@ def groups_of(joints: Mapping[str, Joint], bodies: Sequence[str], dt: float) -> 
         if joint.motor and joint.mode in _OWN:
             found.setdefault((bodies[joint.body], joint.mode), []).append(name)
     names = [body for body, _ in found]
+    forms = {body: "{0}" if names.count(body) == 1 else "{0}_{1}" for body in names}
+    forms |= {names[0]: "command"} if len(found) == 1 else {}
     return {
-        "command"
-        if len(found) == 1
-        else body
-        if names.count(body) == 1
-        else f"{body}_{mode}": Group(rows, mode, dt)
+        forms[body].format(body, mode): Group(rows, mode, dt)
         for (body, mode), rows in found.items()
     }

@@ -20,18 +20,10 @@ def draw(scene: Any, path: str, message: Any, poses: Mapping[str, Any]) -> Seque
             points = np.array([(poses[frame] @ type(poses[frame])(at)).position for at in points])
         name, rgb = f"{path}/{number}", tuple(round(255 * min(max(c, 0.0), 1.0)) for c in colour)
         if form == "points" and count:
-            made.append(
-                scene.add_point_cloud(
-                    name,
-                    points=points,
-                    colors=rgb,
-                    point_size=max(size, 1e-3),
-                    point_shape="circle",
-                )
-            )
+            look = {"point_size": max(size, 1e-3), "point_shape": "circle"}
+            made.append(scene.add_point_cloud(name, points=points, colors=rgb, **look))
         elif count > 1:
-            pairs = _ends(form, points)
-            width = max(size, 1.0)
+            pairs, width = _ends(form, points), max(size, 1.0)
             made.append(scene.add_line_segments(name, points=pairs, colors=rgb, line_width=width))
     return made
 

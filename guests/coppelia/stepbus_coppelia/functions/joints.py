@@ -100,10 +100,8 @@ class Joints(Group):
         """Return whether a joint turns without limits, and its lower limit and range."""
         joint = self._joint(handle)
         is_cyclic = math.isinf(joint.upper)
-        limits = (
-            [-math.pi, 2.0 * math.pi] if is_cyclic else [joint.lower, joint.upper - joint.lower]
-        )
-        return is_cyclic, limits
+        low, high = (-math.pi, math.pi) if is_cyclic else (joint.lower, joint.upper)
+        return is_cyclic, [low, high - low]
 
     def getJointType(self, handle: int) -> int:
         """Return `joint_revolute` or `joint_prismatic`."""

@@ -29,10 +29,8 @@ class Signals(Group):
         **{f"get{k}Signal": "getInt32Signal" for k in ("Integer", "Float", "Double", "Buffer")},
         "clearIntegerSignal": "clearInt32Signal",
         **{f"clear{k}Signal": "clearInt32Signal" for k in ("Float", "Double", "String", "Buffer")},
-        "readCustomStringData": "readCustomDataBlock",
-        "readCustomTableData": "readCustomDataBlock",
-        "writeCustomStringData": "writeCustomDataBlock",
-        "writeCustomTableData": "writeCustomDataBlock",
+        **{f"readCustom{k}Data": "readCustomDataBlock" for k in ("String", "Table")},
+        **{f"writeCustom{k}Data": "writeCustomDataBlock" for k in ("String", "Table")},
     }
 
     def setInt32Signal(self, name: str, value: Any) -> int:
@@ -111,9 +109,8 @@ class Other(Group):
 
     def addDrawingObjectItem(self, handle: int, item: Any = None) -> int:
         """Add x, y, z of a point, or of both ends of a line; nothing: clear it."""
-        self.sim.drawings.draw(
-            int(handle) & ~_CLEAR, None if int(handle) & _CLEAR else item or None
-        )
+        point = None if int(handle) & _CLEAR else item or None
+        self.sim.drawings.draw(int(handle) & ~_CLEAR, point)
         return 1
 
     def removeDrawingObject(self, handle: int) -> None:
@@ -127,8 +124,7 @@ class Other(Group):
     def callScriptFunction(self, name: Any, script: Any = None, *arguments: Any) -> Any:
         """Call a function of the class that `functions` of the gateway names, not one in Lua."""
         own = str(name if isinstance(name, str) else script).partition("@")[0]
-        work = getattr(self.sim.lua, own, None) if not own.startswith("_") else None
-        if not callable(work):
+        if own.startswith("_") or not callable(work := getattr(self.sim.lua, own, None)):
             raise ApiError(
                 f"script function {own!r} is in Lua; write it in Python, as a method of the class "
                 "that `functions` of the gateway names."
@@ -136,34 +132,24 @@ class Other(Group):
         return work(*arguments)
 
 
-def _add_tables() -> None:
+def _add_tables(name: str, form: str) -> None:
     """Add `packFloatTable`, `unpackFloatTable` and the like."""
 
-    def pack(form: str) -> Any:
-        def packed(_self: Other, values: Any, start: int = 0, count: int = 0) -> bytes:
-            rows = values[start : start + count] if count else values[start:]
-            return struct.pack(f"<{len(rows)}{form}", *rows)
+    def pack(_self: Other, values: Any, start: int = 0, count: int = 0) -> bytes:
+        """Return numbers as a buffer."""
+        rows = values[start : start + count] if count else values[start:]
+        return struct.pack(f"<{len(rows)}{form}", *rows)
 
-        return packed
+    def unpack(_self: Other, data: bytes, start: int = 0, count: int = 0, offset: int = 0) -> Any:
+        """Return the numbers of a buffer."""
+        size = struct.calcsize(form)
+        rest = data[offset + start * size :]
+        count = count or len(rest) // size
+        return list(struct.unpack(f"<{count}{form}", rest[: count * size]))
 
-    def unpack(form: str) -> Any:
-        def unpacked(
-            _self: Other, data: bytes, start: int = 0, count: int = 0, offset: int = 0
-        ) -> list[Any]:
-            size = struct.calcsize(form)
-            rest = data[offset + start * size :]
-            count = count or len(rest) // size
-            return list(struct.unpack(f"<{count}{form}", rest[: count * size]))
-
-        return unpacked
-
-    for name, form in _FORMATS.items():
-        for verb, work, text in (
-            ("pack", pack(form), "Return numbers as a buffer."),
-            ("unpack", unpack(form), "Return the numbers of a buffer."),
-        ):
-            work.__doc__ = text
-            setattr(Other, f"{verb}{name}Table", work)
+    for work in (pack, unpack):
+        setattr(Other, f"{work.__name__}{name}Table", work)
 
 
-_add_tables()
+for _name, _form in _FORMATS.items():
+    _add_tables(_name, _form)

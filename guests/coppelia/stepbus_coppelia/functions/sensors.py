@@ -115,8 +115,8 @@ class Sensors(Group):
     def checkProximitySensor(self, handle: int, entity: int) -> tuple[Any, ...]:
         """Return the same, if what it detects is an object, in its tree or in a collection."""
         found, wanted = self.readProximitySensor(handle), self._shapes(entity)
-        handles = None if wanted is None else [shape.handle for shape in wanted]
-        return found if handles is None or found[3] in handles else _NOTHING
+        fits = wanted is None or found[3] in [shape.handle for shape in wanted]
+        return found if fits else _NOTHING
 
     def checkCollision(self, one: int, other: int = _ALL) -> tuple[int, list[int]]:
         """Return whether two objects of different bodies collide, and the handles of both."""
@@ -134,10 +134,8 @@ class Sensors(Group):
 
     def _shapes(self, entity: Any) -> list[SceneObject] | None:
         """Return the links of an object, or of a collection; None: all."""
-        if entity in (None, _ALL):
-            return None
-        if entity in self.sim.collections:
-            return self.sim.collections[entity]
+        if entity in (None, _ALL) or entity in self.sim.collections:
+            return self.sim.collections.get(entity)
         thing = self.sim.scene.get(entity)
         tree = self.sim.scene.below(thing)
         return [thing] if thing.kind == SHAPE else [o for o in tree if o.kind == SHAPE]
@@ -147,13 +145,9 @@ class Sensors(Group):
         first, second = self._shapes(one), self._shapes(other)
         links = None if second is None else [shape.link for shape in second]
         everything = [o for o in self.sim.scene.objects.values() if o.kind == SHAPE]
-        rows = [
-            contact
-            for shape in (everything if first is None else first)
-            if shape.link is not None
-            for contact in self.sim.scene.engine.closest(shape.link, within)
-            if links is None or contact.other in links
-        ]
+        own = [shape.link for shape in (everything if first is None else first) if shape.link]
+        near = [row for link in own for row in self.sim.scene.engine.closest(link, within)]
+        rows = [row for row in near if links is None or row.other in links]
         found = min(rows, key=lambda contact: contact.distance, default=None)
         ends = (found.one, found.other) if found else ()
         return found, [self.sim.scene.of(link).handle for link in ends] or [-1, -1]

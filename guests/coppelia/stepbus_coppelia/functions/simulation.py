@@ -23,10 +23,8 @@ class Simulation(Group):
         "releaseLock": "acquireLock",
         "addStatusbarMessage": "auxiliaryConsolePrint",
         "getInt32Parameter": "getInt32Param",
-        **dict.fromkeys(
-            (*(f"set{k}Param" for k in ("Int32", "Bool", "String", "Array")), "setInt32Parameter"),
-            "setFloatParam",
-        ),
+        **{f"set{k}Param": "setFloatParam" for k in ("Int32", "Bool", "String", "Array")},
+        "setInt32Parameter": "setFloatParam",
     }
 
     def startSimulation(self) -> None:
@@ -114,9 +112,8 @@ class Simulation(Group):
     def getStringParam(self, parameter: int) -> str:
         """Return a parameter, such as the path of the scene."""
         file = PurePath(self.sim.scene.physics.world.source.file)
-        known = {"scene_path_and_name": str(file), "scene_name": file.name}
-        known["scene_path"] = str(file.parent)
-        return str(self._param("stringparam_", parameter, known, ""))
+        known = {"path_and_name": str(file), "name": file.name, "path": str(file.parent)}
+        return str(self._param("stringparam_scene_", parameter, known, ""))
 
     def getArrayParam(self, parameter: int) -> list[float]:
         """Return a parameter, such as gravity."""

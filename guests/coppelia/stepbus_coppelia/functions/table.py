@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from importlib import resources
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from stepbus_coppelia.clients import ApiError
 from stepbus_plant.geometry import Pose, product, quaternion, rotation
@@ -32,16 +32,8 @@ class Group:
         return dict(zip(own, own, strict=True)) | dict(cls.also)
 
 
-CONSTANTS: Mapping[str, int] = {
-    name: int(value)
-    for name, _, value in (
-        word.partition("=")
-        for word in resources.files("stepbus_coppelia")
-        .joinpath("constants.txt")
-        .read_text()
-        .split()
-    )
-}
+_NUMBERS = resources.files("stepbus_coppelia").joinpath("constants.txt").read_text()
+CONSTANTS = {word.split("=")[0]: int(word.split("=")[1]) for word in _NUMBERS.split()}
 """CoppeliaSim's numbers, by name without `sim.`."""
 
 
@@ -63,11 +55,6 @@ def numbers(values: object, *counts: int) -> list[float]:
     return [number(value) for value in values]
 
 
-def flipped(first: Any, second: Any) -> tuple[Any, Any]:
-    """Return a value and the object it is relative to, which older scripts give the other way."""
-    return (second, first) if isinstance(second, list | tuple) else (first, second)
-
-
 # --- CoppeliaSim's angles and matrices -----------------------------------------------------------
 
 
@@ -82,11 +69,8 @@ def euler(turn: Quaternion) -> list[float]:
 
 def of_euler(angles: list[float]) -> Quaternion:
     """Return the orientation of alpha, beta and gamma [rad]."""
-    alpha, beta, gamma = (
-        quaternion((a, b, c))
-        for a, b, c in ((angles[0], 0, 0), (0, angles[1], 0), (0, 0, angles[2]))
-    )
-    return product(product(alpha, beta), gamma)
+    a, b, c = angles
+    return product(product(quaternion((a, 0, 0)), quaternion((0, b, 0))), quaternion((0, 0, c)))
 
 
 def point(values: object) -> Point:
@@ -124,10 +108,8 @@ def of_matrix(values: object) -> Pose:
     # The largest of the four squares keeps the quotients exact.
     squares = [*(1.0 + 2.0 * rows[i][i] - trace for i in range(3)), 1.0 + trace]
     one = max(range(4), key=squares.__getitem__)
-    skew = [rows[2][1] - rows[1][2], rows[0][2] - rows[2][0], rows[1][0] - rows[0][1]]
-    if one == 3:
-        q = [*skew, squares[3]]
-    else:
-        q = [*(rows[one][i] + rows[i][one] for i in range(3)), skew[one]]
-        q[one] = squares[one]
+    q = [rows[2][1] - rows[1][2], rows[0][2] - rows[2][0], rows[1][0] - rows[0][1], 0.0]
+    if one < 3:
+        q = [*(rows[one][i] + rows[i][one] for i in range(3)), q[one]]
+    q[one] = squares[one]
     return (m[3], m[7], m[11]), turn_of(q)
