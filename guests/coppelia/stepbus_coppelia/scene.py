@@ -25,7 +25,6 @@ from stepbus_schemas import JointState, Point, Quaternion
 
 SHAPE, JOINT, DUMMY, PROXIMITY, VISION = 0, 1, 4, 5, 9
 """CoppeliaSim's numbers for kinds of objects."""
-FIRST_HANDLE = 10
 NOWHERE: Pose = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 _MASK = 0xFFFFF
 """Above are flags."""
@@ -76,7 +75,7 @@ class Scene:
         self, physics: Physics, aliases: Mapping[str, str], sensors: Mapping[str, Any]
     ) -> None:
         self.objects: dict[int, SceneObject] = {}
-        self._sensors, self._next = sensors, FIRST_HANDLE
+        self._sensors, self._next = sensors, 10
         self.body_names: Sequence[str] = ()
         self._by_name: dict[tuple[int, str], SceneObject] = {}
         self.build(physics)
@@ -252,11 +251,10 @@ class Scene:
     def path(self, thing: SceneObject) -> str:
         """Return the path of an object, from the model that it belongs to on."""
         names = [thing.alias]
-        above = self.objects.get(thing.parent)
-        while above is not None:
-            if above.is_model or above.parent == -1:
-                names.append(above.alias)
-            above = self.objects.get(above.parent)
+        while (above := self.objects.get(thing.parent)) is not None:
+            thing = above
+            if thing.is_model or thing.parent == -1:
+                names.append(thing.alias)
         return "/" + "/".join(reversed(names))
 
     def similar(self, path: str) -> str:
@@ -273,8 +271,7 @@ class Scene:
             above = self.objects[above.parent]
         if above.link is None:
             return REST, REST
-        engine, (number, _) = self.engine, above.link
-        body = self.physics.bodies[number]
+        engine, number, body = self.engine, above.link[0], self.body(above)
         if self._bodies is not None and body in self.body_names:
             at, frame = self.body_names.index(body), engine.frame((number, BASE))
             engine.put(number, frame, self._bodies.velocity[at], self._bodies.spin[at])

@@ -132,7 +132,7 @@ class Session:
         self.values: dict[tuple[str, int], Any] = {}
         self.logged: list[tuple[str, str]] = []
         self.controls = {name: Control.of(j) for name, j in scene.physics.joints.items()}
-        self.groups: dict[str, Group] = {}
+        self.groups: Mapping[str, Group] = {}
         self.is_ending = self.has_clients = False
         self.runs, self.port = 0, 0
         self.drawings = Canvas()
@@ -213,12 +213,12 @@ class Session:
             self.edits.is_new, before = False, self.scene.physics
             self.scene.build(self.edits.opened(self.edits.params()))
             before.close()
-            self.controls = {name: Control.of(j) for name, j in self.scene.physics.joints.items()}
             self._restore()
         self.scene.settle()
 
     def _restore(self) -> None:
-        """Put everything where the script has put it before the simulation."""
+        """Put everything where the script has put it before the simulation, undriven."""
+        self.controls = {name: Control.of(j) for name, j in self.scene.physics.joints.items()}
         for body, frame in self.initial.frames.items():
             if body in self.scene.physics.bodies:
                 self.scene.engine.put(self.scene.physics.bodies.index(body), frame)
@@ -258,16 +258,14 @@ class Session:
         """Make a box, sphere or cylinder [m]; return its handle."""
         (alias, part), known = _FORMS[kind], self.edits.primitives
         mass = _DENSITY * (size[0] * size[1] * size[2] * part)
-        row = {"kind": kind, "size": size, "mass": mass}
-        made = self._add_body(alias, known, known, row)
+        made = self._add_body(alias, known, known, {"kind": kind, "size": size, "mass": mass})
         made.alias = alias
         return made.handle
 
     def load_model(self, urdf: str, name: str) -> int:
         """Add a body from a model file; return its handle."""
-        known = self.edits.models
-        taken = {*known, *self.scene.physics.bodies}
-        return self._add_body(name, taken, known, {"urdf": urdf}).handle
+        taken = {*self.edits.models, *self.scene.physics.bodies}
+        return self._add_body(name, taken, self.edits.models, {"urdf": urdf}).handle
 
     def _add_body(
         self, stem: str, taken: Collection[str], rows: dict[str, Any], row: dict[str, Any]
@@ -297,13 +295,13 @@ class Session:
 
     def remove(self, thing: SceneObject) -> None:
         """Remove what the script has made."""
-        edits = self.edits
         if thing.is_model:
             self._must_be_stopped()
+        edits = self.edits
         known = edits.primitives if thing.name in edits.primitives else edits.models
         if known.pop(thing.name, None) is None and (thing.link is not None or thing.kind == JOINT):
-            path = self.scene.path(thing)
-            raise ApiError(f"{path} is part of the world, and cannot be removed.")
+            text = "is part of the world, and cannot be removed."
+            raise ApiError(f"{self.scene.path(thing)} {text}")
         edits.masses.pop(thing.name, None)
         edits.is_new = edits.is_new or thing.is_model
         self.scene.remove(thing)
@@ -374,7 +372,6 @@ class Session:
             for client in self.clients:
                 client.level = 0
             self._answer()
-            self.controls = {name: Control.of(j) for name, j in self.scene.physics.joints.items()}
             for handle in self.scene.objects.keys() - self._kept:
                 # What is made while it runs does not outlive it.
                 self.scene.remove(self.scene.objects[handle])
@@ -386,11 +383,9 @@ class Session:
         if self.state != STOPPED:
             self.state = PAUSED
 
-    def connect(
-        self, groups: Mapping[str, Group], names: Sequence[str], bodies: Sequence[str]
-    ) -> None:
+    def connect(self, groups: Mapping[str, Group], names: Sequence[str], bodies: list[str]) -> None:
         """Take what a run has: the joints of each command, and of the messages of the plant."""
-        self.groups = dict(groups)
+        self.groups = groups
         self.scene.body_names = bodies
         self._order = [self.scene.joint_index[name] for name in names]
 
@@ -415,12 +410,12 @@ class Session:
 
     def commands(self) -> dict[str, JointCommand]:
         """Return the commands of this step, by port: those that are new."""
-        made = {
-            port: group.command(self.controls, self.scene)
+        return {
+            port: made
             for port, group in self.groups.items()
             if any(self.controls[name].is_new for name in group.names)
+            and (made := group.command(self.controls, self.scene)) is not None
         }
-        return {port: command for port, command in made.items() if command is not None}
 
     def serve_until_started(self) -> bool:
         """Answer calls until a simulation is started; return False when no client is left."""
