@@ -1,7 +1,14 @@
 """What both remote APIs, and the simulation that they speak to, have in common."""
 
-from collections.abc import Iterable
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, TypeAlias
+
+if TYPE_CHECKING:
+    from stepbus_coppelia.legacy.server import LegacyEndpoint
+    from stepbus_coppelia.session import Session
+    from stepbus_coppelia.zmq_api import ZmqEndpoint
+
+Simulator: TypeAlias = "Session"
+Endpoint: TypeAlias = "LegacyEndpoint | ZmqEndpoint"
 
 
 class ApiError(Exception):
@@ -17,47 +24,5 @@ class Client:
     """
 
     def __init__(self, name: str) -> None:
-        self.name = name
-        self.level = 0
-        self.waits = False
-        self.until = 0.0
-        self.is_recorded = True
-
-
-class Simulator(Protocol):
-    """The simulation, as an API sees it.
-
-    time: simulation time [s]. state: one of `sim.simulation_*`. step: its number. dt: length of a
-    step [s].
-    """
-
-    time: float
-    state: int
-    step: int
-    dt: float
-    clients: list[Client]
-
-    def call(self, client: Client, function: str, args: list[Any]) -> list[Any]:
-        """Call a function by its name without `sim.`; return its results. Raises ApiError."""
-
-    def join(self, client: Client) -> None:
-        """Take a new connection."""
-
-    def leave(self, client: Client, why: str) -> None:
-        """Take note that a connection is gone; why: as the end of a sentence about it."""
-
-
-class Endpoint(Protocol):
-    """Where clients of one API connect."""
-
-    def sockets(self) -> Iterable[Any]:
-        """Return what is polled for reading."""
-
-    def receive(self, socket: Any) -> None:
-        """Take and answer what has arrived at a socket, without waiting."""
-
-    def stepped(self) -> None:
-        """Answer who waited: a step is done, or the simulation has started or stopped."""
-
-    def close(self) -> None:
-        """Close all connections."""
+        self.name, self.is_recorded = name, True
+        self.level, self.waits, self.until = 0, False, 0.0

@@ -1,16 +1,16 @@
 """The gateway: takes part in a run on behalf of a script that speaks CoppeliaSim's remote API."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_coppelia.edits import Changes, Edits
 from stepbus_coppelia.joints import groups_of
 from stepbus_coppelia.legacy.server import LegacyEndpoint
 from stepbus_coppelia.params import Params
 from stepbus_coppelia.plant import BODIES, CHANGES, SceneParams
-from stepbus_coppelia.session import ScriptFailed, Session
-from stepbus_coppelia.world import scene_world
+from stepbus_coppelia.scene_plant import scene_world
+from stepbus_coppelia.session import Changes, Edits, ScriptFailed, Session
 from stepbus_coppelia.zmq_api import ZmqEndpoint
 from stepbus_participant import Config, Participant, Problems, Step, StepsOver, load_class, warn
 from stepbus_plant import load_world
@@ -26,17 +26,12 @@ shared: Session | None = None
 
 
 def open_session(
-    params: Params,
-    step_ns: int,
-    folder: Path,
-    script: tuple[Sequence[str], Path],
-    **how: Any,
+    params: Params, step_ns: int, folder: Path, script: tuple[Sequence[str], Path], **how: Any
 ) -> Session:
     """Return a session that listens, with its script started.
 
     step_ns: length of a step [ns]. folder: of the scenario. script: its command line, and
-    the folder in which it starts. how:
-    further arguments of `Session`. Raises WiringError.
+    the folder in which it starts. how: further arguments of `Session`. Raises WiringError.
     """
 
     def opened(changes: Mapping[str, Any]) -> Physics:
@@ -59,9 +54,8 @@ def open_session(
         session.close()
         if isinstance(exc, OSError):
             text = f"cannot listen on port {port} of this machine: {exc.strerror}"
-            raise WiringError(
-                f"{text}; is V-REP running? Choose others with --legacy-port"
-            ) from exc
+            hint = "is V-REP running? Choose others with --legacy-port"
+            raise WiringError(f"{text}; {hint}") from exc
         raise
     return session
 
@@ -76,14 +70,12 @@ class Gateway(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self._params = params = config.read(Params)
+        params, folder = config.read(Params), config.folder
         if STATE not in config.inputs:
-            raise WiringError(
-                "run this scenario with `stepbus coppelia`, which connects the gateway"
-            )
-        self._session = shared or open_session(
-            params, config.step_ns, config.folder, (params.command, config.folder), say=warn
-        )
+            text = "run this scenario with `stepbus coppelia`, which connects the gateway"
+            raise WiringError(text)
+        script = params.command, folder
+        self._session = shared or open_session(params, config.step_ns, folder, script, say=warn)
         physics = self._session.scene.physics
         self._groups = groups_of(physics.joints, physics.bodies, config.step_ns * 1e-9)
         self._is_own, self._has_ended = shared is None, False
@@ -95,10 +87,8 @@ class Gateway(Participant):
 
     def describe(self) -> dict[str, Description]:
         """Return the joints of each command."""
-        described = {
-            port: Description(names=list(group.names)) for port, group in self._groups.items()
-        }
-        return {port: described.get(port, Description()) for port in self.config.outputs}
+        names = {port: list(group.names) for port, group in self._groups.items()}
+        return {port: Description(names=names.get(port, [])) for port in self.config.outputs}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Take the order of joints and bodies in the plant's messages."""
@@ -117,11 +107,9 @@ class Gateway(Participant):
             self._has_ended = True
         messages: dict[str, Message] = {**session.commands()}
         own = {CHANGES: session.changes.fields(), DRAWINGS: session.drawings.fields()}
-        session.changes = Changes()
-        if session.calls:
-            rows = session.calls
-            own[CALLS] = {"calls": list(rows), "times": list(rows.values())}
-            session.calls = {}
+        if calls := session.calls:
+            own[CALLS] = {"calls": list(calls), "times": list(calls.values())}
+        session.changes, session.calls = Changes(), Counter()
         is_first = step.index == 0
         messages |= {p: self._classes[p](**row) for p, row in own.items() if row or is_first}
         if session.logged:

@@ -6,7 +6,6 @@ import msgspec
 
 from stepbus_participant import Duration, NonNegative, Positive, Settings, Vector3
 
-_PORT = 23000
 _Port = Annotated[int, msgspec.Meta(ge=0, le=65535)]
 
 
@@ -33,7 +32,7 @@ class Params(Settings):
     command: tuple[str, ...] = ()
     """Program that it starts, with its arguments; `stepbus coppelia` puts it there. Default: it
     waits for a script that you start."""
-    port: _Port = _PORT
+    port: _Port = 23000
     """Port of the ZeroMQ remote API, on this machine only; 0: any that is free."""
     legacy_ports: tuple[_Port, ...] = (19997,)
     """Ports of the legacy remote API."""

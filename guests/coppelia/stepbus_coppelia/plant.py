@@ -13,14 +13,12 @@ __all__ = ["BODIES", "CHANGES", "Params", "Primitive", "SceneParams", "ScenePlan
 
 CHANGES, BODIES = "changes", "bodies"
 """Ports of the plant."""
-Kind = Literal["box", "sphere", "cylinder"]
-Colour = tuple[Finite, Finite, Finite]
 
 
 class Primitive(Settings):
     """A shape that a script has made."""
 
-    kind: Kind
+    kind: Literal["box", "sphere", "cylinder"]
     """Its shape."""
     size: tuple[Positive, Positive, Positive]
     """Along x, y and z [m]."""
@@ -30,7 +28,7 @@ class Primitive(Settings):
     """Whether it stays where it is."""
     respondable: bool = False
     """Whether other bodies collide with it."""
-    colour: Colour = (0.75, 0.75, 0.75)
+    colour: tuple[Finite, Finite, Finite] = (0.75, 0.75, 0.75)
     """Red, green and blue, 0 to 1."""
     position: Vector3 = (0.0, 0.0, 0.0)
     """Position in the world [m]."""

@@ -25,12 +25,11 @@ from stepbus_schemas import JointState, Point, Quaternion
 
 SHAPE, JOINT, DUMMY, PROXIMITY, VISION = 0, 1, 4, 5, 9
 """CoppeliaSim's numbers for kinds of objects."""
-FIRST_HANDLE = 10
 NOWHERE: Pose = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 _MASK = 0xFFFFF
 """Above are flags."""
-_EXACT = Geometry()
-_UP = (0.0, 0.0, 1.0)
+composed, inverse = Geometry().compose, Geometry().inverse
+"""Return a pose of a frame in the world; the pose of the frame that a pose is given in."""
 _INDEX, _COUNT = re.compile(r"\[(\d+)\]$"), re.compile(r"\{(\d+)\}$")
 
 
@@ -69,15 +68,15 @@ class Scene:
     """All objects, and the copy of the world that they are in.
 
     physics: the copy. aliases: path of CoppeliaSim → name in the world. sensors: proximity sensors
-    by name, each with `link`, `position`, `orientation_rpy`.
+    by name, each with `link`, `position`, `orientation_rpy`. body_names: of the messages.
     """
 
     def __init__(
         self, physics: Physics, aliases: Mapping[str, str], sensors: Mapping[str, Any]
     ) -> None:
         self.objects: dict[int, SceneObject] = {}
-        self._aliases, self._sensors = aliases, sensors
-        self._next = FIRST_HANDLE
+        self._sensors, self._next = sensors, 10
+        self.body_names: Sequence[str] = ()
         self._by_name: dict[tuple[int, str], SceneObject] = {}
         self.build(physics)
         # Last, since what is built anew has none.
@@ -106,16 +105,19 @@ class Scene:
             self._add_body(number, body)
         lens = Lens(CameraErrors(), 0)
         for name, row in physics.world.cameras.items():
-            link = self._link(row.link)
+            link = physics.links[row.link]
             camera = Camera(name, row, link, self.engine, lens)
             # CoppeliaSim's sensor looks along z with x to the left and y up.
             turn: Pose = (REST, (0.0, 0.0, 1.0, 0.0))
             self._add(VISION, name, name, self._by_link[link], link=link, pose=turn, camera=camera)
         for name, sensor in self._sensors.items():
-            link = self._link(sensor.link)
+            if sensor.link not in physics.links:
+                known = f"{sensor.link!r} is unknown{suggest(sensor.link, physics.links)}"
+                raise ApiError(f"proximity_sensors: link {known}")
+            link = physics.links[sensor.link]
             pose = (sensor.position, quaternion(sensor.orientation_rpy))
-            parent = self._by_link[link]
-            self._add(PROXIMITY, name, name, parent, link=link, pose=pose, sensor=sensor)
+            above = self._by_link[link]
+            self._add(PROXIMITY, name, name, above, link=link, pose=pose, sensor=sensor)
         self._start = [self.engine.frame((n, BASE)) for n in range(len(physics.bodies))]
 
     def reset(self) -> None:
@@ -139,43 +141,29 @@ class Scene:
         shared = {link: name for name, link in self.physics.links.items()}
         root = self._add(SHAPE, body, body, None, link=(number, BASE), is_model=True)
         self._by_name.setdefault((SHAPE, shared[number, BASE]), root)
-        below: dict[str, list[Any]] = {}
-        for described in robot.joints.values():
-            below.setdefault(described.parent, []).append(described)
-        waiting = [robot.root]
-        while waiting:
-            parent = waiting.pop(0)
-            for described in below.get(parent, ()):
+        found = [robot.root]
+        for parent in found:
+            for described in (row for row in robot.joints.values() if row.parent == parent):
                 above, link = self._by_link[links[parent]], links[described.child]
                 if (joint := own.get(names.index(described.name))) is not None:
-                    above = self._add(
-                        JOINT, described.name, joint.name, above, link=link, joint=joint
-                    )
+                    named = described.name, joint.name
+                    above = self._add(JOINT, *named, above, link=link, joint=joint)
                 self._add(SHAPE, described.child, shared[link], above, link=link)
-                waiting.append(described.child)
+                found.append(described.child)
 
     def _add(
         self, kind: int, alias: str, name: str, parent: SceneObject | None, **fields: Any
     ) -> SceneObject:
         if (made := self._by_name.get((kind, name))) is None:
-            made = SceneObject(
-                self._next, kind, alias, name, -1 if parent is None else parent.handle
-            )
+            above = -1 if parent is None else parent.handle
+            made = SceneObject(self._next, kind, alias, name, above)
             self._next += 1
-            self.objects[made.handle] = made
-            self._by_name[kind, name] = made
+            self.objects[made.handle] = self._by_name[kind, name] = made
         for key, value in fields.items():
             setattr(made, key, value)
         if kind == SHAPE and made.link is not None:
             self._by_link[made.link] = made
         return made
-
-    def _link(self, name: str) -> Link:
-        if (link := self.physics.links.get(name)) is None:
-            raise ApiError(
-                f"proximity_sensors: link {name!r} is unknown{suggest(name, self.physics.links)}"
-            )
-        return link
 
     def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:
         """Add an object without a body, such as a frame or a mark."""
@@ -190,7 +178,7 @@ class Scene:
         self._by_name = {key: o for key, o in self._by_name.items() if o is not thing}
         for other in self.objects.values():
             if other.parent == thing.handle:
-                other.pose = _EXACT.compose(thing.pose, other.pose)
+                other.pose = composed(thing.pose, other.pose)
                 other.parent = thing.parent
         del self.objects[thing.handle]
 
@@ -206,6 +194,10 @@ class Scene:
     def of(self, link: Link) -> SceneObject:
         """Return the shape of a link."""
         return self._by_link[link]
+
+    def body(self, thing: SceneObject) -> str:
+        """Return the body that an object moves with."""
+        return "" if thing.link is None else self.physics.bodies[thing.link[0]]
 
     def find(self, path: str, start: SceneObject | None = None, index: int = 0) -> int:
         """Return the handle of what a path names, or -1; start: what `.` is; index: which of them.
@@ -259,35 +251,29 @@ class Scene:
     def path(self, thing: SceneObject) -> str:
         """Return the path of an object, from the model that it belongs to on."""
         names = [thing.alias]
-        above = self.objects.get(thing.parent)
-        while above is not None:
-            if above.is_model or above.parent == -1:
-                names.append(above.alias)
-            above = self.objects.get(above.parent)
+        while (above := self.objects.get(thing.parent)) is not None:
+            thing = above
+            if thing.is_model or thing.parent == -1:
+                names.append(thing.alias)
         return "/" + "/".join(reversed(names))
 
     def similar(self, path: str) -> str:
         """Return a hint at what a path may have meant."""
-        return suggest(
-            path.strip("./").rpartition("/")[2], [o.alias for o in self.objects.values()]
-        )
+        alias = path.strip("./").rpartition("/")[2]
+        return suggest(alias, [o.alias for o in self.objects.values()])
 
     # --- where everything is --------------------------------------------------------------
 
-    def velocity_of(self, thing: SceneObject, names: Sequence[str]) -> tuple[Point, Point]:
-        """Return velocity of an object's origin [m/s], and its angular velocity [rad/s].
-
-        names: of the bodies in the messages.
-        """
+    def velocity_of(self, thing: SceneObject) -> tuple[Point, Point]:
+        """Return velocity of an object's origin [m/s], and its angular velocity [rad/s]."""
         above = thing
         while above.link is None and above.parent != -1:
             above = self.objects[above.parent]
         if above.link is None:
             return REST, REST
-        engine, (number, _) = self.engine, above.link
-        body = self.physics.bodies[number]
-        if self._bodies is not None and body in names:
-            at, frame = names.index(body), engine.frame((number, BASE))
+        engine, number, body = self.engine, above.link[0], self.body(above)
+        if self._bodies is not None and body in self.body_names:
+            at, frame = self.body_names.index(body), engine.frame((number, BASE))
             engine.put(number, frame, self._bodies.velocity[at], self._bodies.spin[at])
         for joint in self.physics.joints.values():
             if joint.body == number:
@@ -300,30 +286,22 @@ class Scene:
 
     def take(self, state: JointState, order: Sequence[int], bodies: BodyStates | None) -> None:
         """Take the state of a step; order: place of each joint of the message in our lists."""
-        for values, own in (
-            (state.position, self.position),
-            (state.velocity, self.velocity),
-            (state.effort, self.effort),
-        ):
-            if values is not None:
+        for name in ("position", "velocity", "effort"):
+            if (values := getattr(state, name)) is not None:
                 for index, value in zip(order, values, strict=True):
-                    own[index] = value
-        self._bodies = bodies
-        self._is_stale = True
+                    getattr(self, name)[index] = value
+        self._bodies, self._is_stale = bodies, True
 
-    def settle(self, names: Sequence[str]) -> None:
-        """Put the copy of the world where the plant's is, before something is asked of it.
-
-        names: of the bodies in the messages.
-        """
+    def settle(self) -> None:
+        """Put the copy of the world where the plant's is, before something is asked of it."""
         if not self._is_stale:
             return
         self._is_stale = False
         engine, physics = self.engine, self.physics
         for joint, position in zip(physics.joints.values(), self.position, strict=True):
             engine.put_joint(joint.body, joint.index, position, 0.0)
-        if self._bodies is not None and names:
-            rows = zip(names, self._bodies.position, self._bodies.orientation, strict=True)
+        if (bodies := self._bodies) is not None and self.body_names:
+            rows = zip(self.body_names, bodies.position, bodies.orientation, strict=True)
             for name, at, turn in rows:
                 engine.put(physics.bodies.index(name), (at, turn))
         engine.update_shapes()
@@ -340,62 +318,42 @@ class Scene:
         moves: of a joint, the frame that moves with it.
         """
         if thing.joint is not None and thing.link is not None:
-            return self._joint_pose(thing.joint, self.engine.frame(thing.link), moves=moves)
+            joint, child = thing.joint, self.engine.frame(thing.link)
+            q = 0.0 if moves else self.position[self.joint_index[joint.name]]
+            x, y, z = joint.axis
+            shift = REST if joint.is_rotary else (-x * q, -y * q, -z * q)
+            frame = composed(child, (shift, _about(joint.axis, -q * joint.is_rotary)))
+            return composed(frame, (REST, _from_up(joint.axis)))
         if thing.link is not None:
-            return _EXACT.compose(self.engine.frame(thing.link), thing.pose)
+            return composed(self.engine.frame(thing.link), thing.pose)
         parent = self.objects.get(thing.parent)
         frame = NOWHERE if parent is None else self.world_pose(parent, moves=True)
-        return _EXACT.compose(frame, thing.pose)
-
-    def _joint_pose(self, joint: Joint, child: Pose, *, moves: bool) -> Pose:
-        """Return the frame of a joint; child: that of the link beyond it."""
-        q = 0.0 if moves else self.position[self.joint_index[joint.name]]
-        x, y, z = joint.axis
-        is_rotary = joint.is_rotary
-        back: Pose = (
-            REST if is_rotary else (-x * q, -y * q, -z * q),
-            _about(joint.axis, -q * is_rotary),
-        )
-        return _EXACT.compose(_EXACT.compose(child, back), (REST, _from_up(joint.axis)))
+        return composed(frame, thing.pose)
 
     def pose_in(self, thing: SceneObject, frame: SceneObject | None) -> Pose:
         """Return the pose of an object in the frame of another one; None: the world."""
         pose = self.world_pose(thing)
         return pose if frame is None else relative(self.world_pose(frame, moves=True), pose)
 
-    def moved_frame(self, thing: SceneObject, pose: Pose) -> Pose | None:
-        """Put an object somewhere in the copy; return the new frame of the body that goes along.
-
-        Raises ApiError for what only joints move.
-        """
+    def move(self, thing: SceneObject, pose: Pose) -> None:
+        """Put an object somewhere in the copy; raises ApiError for what only joints move."""
         if thing.link is None or thing.kind in (VISION, PROXIMITY):
             above = self.objects.get(thing.parent)
             frame = None if above is None else self.world_pose(above, moves=True)
             frame = self.engine.frame(thing.link) if thing.link is not None else frame
             thing.pose = pose if frame is None else relative(frame, pose)
-            return None
-        if not thing.is_root:
+        elif thing.is_root:
+            self.engine.put(thing.link[0], pose)
+        else:
             raise ApiError(
                 f"{self.path(thing)} is a link of {self.path(self.of((thing.link[0], BASE)))}, "
                 "which only its joints move; move that object instead"
             )
-        self.engine.put(thing.link[0], pose)
-        return pose
 
 
 def relative(frame: Pose, pose: Pose) -> Pose:
     """Return a pose of the world in a frame."""
-    return _EXACT.compose(_EXACT.inverse(frame), pose)
-
-
-def composed(frame: Pose, pose: Pose) -> Pose:
-    """Return a pose of a frame in the world."""
-    return _EXACT.compose(frame, pose)
-
-
-def inverse(pose: Pose) -> Pose:
-    """Return the pose of the frame that a pose is given in, in the frame of the pose."""
-    return _EXACT.inverse(pose)
+    return composed(inverse(frame), pose)
 
 
 def _about(axis: Point, angle: float) -> Quaternion:

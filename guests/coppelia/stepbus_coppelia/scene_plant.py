@@ -1,18 +1,21 @@
 """A plant whose bodies and joints a script may put somewhere, and that says where they are."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from tempfile import mkdtemp
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
 
 from stepbus_coppelia.messages import SceneChange
-from stepbus_coppelia.plant import BODIES, CHANGES, SceneParams
-from stepbus_coppelia.world import scene_world
+from stepbus_coppelia.plant import BODIES, CHANGES, Primitive, SceneParams
 from stepbus_participant import CallError, Config, InvalidInput, Problems, Step
 from stepbus_plant import Plant, World
 from stepbus_plant.engine import BASE, Link
 from stepbus_plant.geometry import Pose
+from stepbus_plant.world import Body, Friction
 from stepbus_schemas import Description, Message
 
 
@@ -25,13 +28,12 @@ class ScenePlant(Plant):
     settings = SceneParams
 
     def __init__(self, config: Config) -> None:
-        inputs = {name: row for name, row in config.inputs.items() if name != CHANGES}
-        outputs = {name: row for name, row in config.outputs.items() if name != BODIES}
+        inputs = {port: row for port, row in config.inputs.items() if port != CHANGES}
+        outputs = {port: row for port, row in config.outputs.items() if port != BODIES}
         super().__init__(dataclasses.replace(config, inputs=inputs, outputs=outputs))
         physics = self.plant.physics
         self._engine = physics.engine
-        rows = physics.world.bodies.items()
-        self._names = [name for name, body in rows if not body.fixed_base]
+        self._names = [n for n, body in physics.world.bodies.items() if not body.fixed_base]
         self._number = {name: number for number, name in enumerate(physics.bodies)}
         self._links = {**{n: (number, BASE) for n, number in self._number.items()}, **physics.links}
         self._held: dict[str, tuple[Link, Pose]] = {}
@@ -78,9 +80,8 @@ class ScenePlant(Plant):
     def _change(self, change: SceneChange) -> None:
         engine = self._engine
         try:
-            for name, position, turn in zip(
-                change.bodies, change.position, change.orientation, strict=True
-            ):
+            rows = zip(change.bodies, change.position, change.orientation, strict=True)
+            for name, position, turn in rows:
                 engine.put(self._number[name], (position, turn))
             for name, value in zip(change.joints, change.joint_position, strict=True):
                 self.plant.calls.teleport(name, value)
@@ -110,7 +111,54 @@ class ScenePlant(Plant):
 
     def restore(self, state: bytes) -> None:
         """Take a state from `save`."""
-        own, self._held = msgspec.msgpack.decode(
-            state, type=tuple[bytes, dict[str, tuple[Link, Pose]]]
-        )
+        kind = tuple[bytes, dict[str, tuple[Link, Pose]]]
+        own, self._held = msgspec.msgpack.decode(state, type=kind)
         super().restore(own)
+
+
+def scene_world(world: World, params: SceneParams) -> World:
+    """Return a world with the primitives, models and masses of a script."""
+    if not (params.primitives or params.models or params.masses):
+        return world
+    bodies, items = {**world.bodies, **params.models}, dict[str, Any](world.items)
+    folder = Path(mkdtemp(prefix="stepbus-shapes-")) if params.primitives else Path()
+    for name, shape in params.primitives.items():
+        urdf = folder / f"{name}.urdf"
+        urdf.write_text("".join(_urdf(name, shape)), encoding="utf-8")
+        bodies[name] = Body(urdf=urdf, position=shape.position, fixed_base=shape.static)
+    for name, mass in params.masses.items():
+        body, friction = bodies[name], bodies[name].friction or Friction()
+        # As an `Item` of one link; it belongs where it is.
+        at, yaw = body.position, body.orientation_rpy[2]
+        own = {"name": name, "type": "", "urdf": body.urdf, "mass": mass}
+        where = {"position": at, "yaw": yaw, "slot": at, "slot_yaw": yaw}
+        lateral = 0.5 if friction.lateral is None else friction.lateral
+        rubs = {"friction": lateral, "spinning_friction": friction.spinning or 0.0}
+        items[name] = SimpleNamespace(**own, **where, **rubs)
+    return msgspec.structs.replace(world, bodies=bodies, items=items)
+
+
+def _urdf(name: str, shape: Primitive) -> Iterator[str]:
+    """Yield the text of a model of one link."""
+    x, y, z = shape.size
+    # What shows it, and the moments of a solid of even density, over its mass.
+    form, moments = {
+        "box": (
+            f'<box size="{x} {y} {z}"/>',
+            ((y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12),
+        ),
+        "sphere": (f'<sphere radius="{x / 2}"/>', (x * x / 10,) * 3),
+        "cylinder": (
+            f'<cylinder radius="{x / 2}" length="{z}"/>',
+            (*(x * x / 16 + z * z / 12,) * 2, x * x / 8),
+        ),
+    }[shape.kind]
+    mass, (xx, yy, zz) = shape.mass, (moment * shape.mass for moment in moments)
+    red, green, blue = shape.colour
+    yield f'<robot name="{name}"><link name="{name}"><inertial><mass value="{mass}"/>'
+    yield f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial>'
+    yield f'<visual><geometry>{form}</geometry><material name="own"><color rgba="'
+    yield f'{red} {green} {blue} 1"/></material></visual>'
+    if shape.respondable:
+        yield f"<collision><geometry>{form}</geometry></collision>"
+    yield "</link></robot>\n"

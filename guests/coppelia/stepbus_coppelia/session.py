@@ -1,6 +1,5 @@
 """A script's session: its clients, its calls, and the steps that it lets the run make."""
 
-import dataclasses
 import math
 import os
 import struct
@@ -8,7 +7,8 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,13 @@ import zmq
 
 from stepbus_coppelia.clients import ApiError, Client, Endpoint
 from stepbus_coppelia.drawings import Canvas
-from stepbus_coppelia.edits import ONLY_STOPPED, Changes, Edits
 from stepbus_coppelia.functions import CONSTANTS, GROUPS
 from stepbus_coppelia.joints import FREE, POSITION, Control, Group
 from stepbus_coppelia.messages import BodyStates
-from stepbus_coppelia.scene import Scene, SceneObject
+from stepbus_coppelia.scene import JOINT, Scene, SceneObject
 from stepbus_plant.geometry import Pose
 from stepbus_plant.joint import Joint
+from stepbus_plant.physics import Physics
 from stepbus_schemas import JointCommand, JointState, RunError
 
 STOPPED, PAUSED, FIRST, RUNNING = 0, 8, 16, 17
@@ -30,14 +30,68 @@ STOPPED, PAUSED, FIRST, RUNNING = 0, 8, 16, 17
 PORT_VARIABLE = "STEPBUS_COPPELIA_PORT"
 ENV = "env "
 """Before a program that is named by its path, as of /usr/bin/env: it is no file of a scenario."""
-_WRONG = (TypeError, ValueError, LookupError)
+_WRONG = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, struct.error)
 _TICK_S = 0.1
 _LONGEST_CALL, _MOST_CALLS = 200, 75
 """Bytes of a call that is recorded, and different ones of a step: a step has 60 kB."""
+_DENSITY = 500.0
+"""Of a shape that a script has made, as in CoppeliaSim [kg/m³]."""
+_FORMS = {"box": ("Cuboid", 1.0), "sphere": ("Sphere", 0.5236), "cylinder": ("Cylinder", 0.7854)}
+"""Alias of a shape, and its part of the box around it."""
 
 
 class ScriptFailed(RunError):
     """A script has ended with an error, or holds a step for too long."""
+
+
+@dataclass(kw_only=True)
+class Changes:
+    """What a script has put somewhere, or lets a link hold.
+
+    frames: body → where it is put. joints: joint → where it is put [rad]. held: body → link that
+    holds it; empty: it is let go.
+    """
+
+    frames: dict[str, Pose] = field(default_factory=dict)
+    joints: dict[str, float] = field(default_factory=dict)
+    held: dict[str, str] = field(default_factory=dict)
+
+    def fields(self) -> dict[str, Any]:
+        """Return them as the fields of a `SceneChange`; empty: there are none."""
+        if not (self.frames or self.joints or self.held):
+            return {}
+        return {
+            "bodies": list(self.frames),
+            "position": [frame[0] for frame in self.frames.values()],
+            "orientation": [frame[1] for frame in self.frames.values()],
+            "joints": list(self.joints),
+            "joint_position": list(self.joints.values()),
+            "held": list(self.held),
+            "holders": list(self.held.values()),
+        }
+
+
+@dataclass
+class Edits:
+    """Changes of the plant's parameters, which the next simulation has.
+
+    opened: returns the world with these. world: file of another world; empty: the scenario's.
+    primitives, models, masses: as of `SceneParams`, as plain data. is_new: whether the scene does
+    not show them yet.
+    """
+
+    opened: Callable[[Mapping[str, Any]], Physics]
+    world: str = ""
+    primitives: dict[str, dict[str, Any]] = field(default_factory=dict)
+    models: dict[str, dict[str, Any]] = field(default_factory=dict)
+    masses: dict[str, float] = field(default_factory=dict)
+    is_new: bool = False
+
+    def params(self) -> dict[str, Any]:
+        """Return them as parameters of the plant."""
+        rows = {"primitives": self.primitives, "models": self.models, "masses": self.masses}
+        given: dict[str, Any] = {key: value for key, value in rows.items() if value}
+        return given | ({"world": self.world} if self.world else {})
 
 
 class Session:
@@ -73,21 +127,17 @@ class Session:
             for name, work in group.names().items()
         }
         self.signals: dict[str, Any] = {}
-        self.unanswered: Counter[str] = Counter()
+        self.unanswered, self.calls = Counter[str](), Counter[str]()
         self.initial, self.changes = Changes(), Changes()
         self.values: dict[tuple[str, int], Any] = {}
         self.logged: list[tuple[str, str]] = []
         self.controls = {name: Control.of(j) for name, j in scene.physics.joints.items()}
-        self.groups: dict[str, Group] = {}
-        self.calls: dict[str, int] = {}
+        self.groups: Mapping[str, Group] = {}
         self.is_ending = self.has_clients = False
         self.runs, self.port = 0, 0
         self.drawings = Canvas()
         self.collections: dict[int, list[SceneObject]] = {}
-        self._kept: set[int] = set()
-        self._names: Sequence[str] = ()
-        self._order: list[int] = []
-        self._body_names: Sequence[str] = ()
+        self._kept, self._order = set[int](), list[int]()
         self._due_s = self._begun_s = self._look_s = 0.0
         self._left = ""
         self._script: subprocess.Popen[bytes] | None = None
@@ -110,11 +160,9 @@ class Session:
         if not command:
             return
         program = sys.executable if command[0] == "python" else command[0].removeprefix(ENV)
-        words = [program, *command[1:]]
+        words, env = [program, *command[1:]], {**os.environ, PORT_VARIABLE: str(port)}
         try:
-            self._script = subprocess.Popen(
-                words, cwd=folder, env={**os.environ, PORT_VARIABLE: str(port)}
-            )
+            self._script = subprocess.Popen(words, cwd=folder, env=env)
         except OSError as exc:
             raise ScriptFailed(f"cannot start {command[0]}: {exc.strerror}") from exc
 
@@ -140,37 +188,37 @@ class Session:
 
     def call(self, client: Client, name: str, args: list[Any]) -> list[Any]:
         """Call a function by its name without `sim.`; return its results. Raises ApiError."""
-        work = self._functions.get(name)
         where = f"in sim.{name}"
-        if work is None:
+        if (work := self._functions.get(name)) is None:
             self.unanswered[name] += 1
             raise ApiError(f"{where}: this function is not available in stepbus.")
         self.client = client
         if client.is_recorded:
             text = f"{client.name}: {name}({ascii(args)[1:-1]})"[:_LONGEST_CALL]
             text = text if text in self.calls or len(self.calls) < _MOST_CALLS else "further calls"
-            self.calls[text] = self.calls.get(text, 0) + 1
+            self.calls[text] += 1
         try:
             self._settle()
             result = work(*args)
         except ApiError as exc:
             raise ApiError(f"{where}: {exc}") from None
-        except (*_WRONG, AttributeError, ArithmeticError, struct.error) as exc:
+        except _WRONG as exc:
             raise ApiError(f"{where}: bad arguments ({exc}).") from None
-        if result is None:
-            return []
-        return list(result) if isinstance(result, tuple) else [result]
+        results = result if isinstance(result, tuple) else (result,)
+        return [] if result is None else list(results)
 
     def _settle(self) -> None:
         """Let the scene show what has changed since it was last asked."""
         if self.edits.is_new:
-            self.edits.show(self.scene)
-            self.controls = {name: Control.of(j) for name, j in self.scene.physics.joints.items()}
+            self.edits.is_new, before = False, self.scene.physics
+            self.scene.build(self.edits.opened(self.edits.params()))
+            before.close()
             self._restore()
-        self.scene.settle(self._body_names)
+        self.scene.settle()
 
     def _restore(self) -> None:
-        """Put everything where the script has put it before the simulation."""
+        """Put everything where the script has put it before the simulation, undriven."""
+        self.controls = {name: Control.of(j) for name, j in self.scene.physics.joints.items()}
         for body, frame in self.initial.frames.items():
             if body in self.scene.physics.bodies:
                 self.scene.engine.put(self.scene.physics.bodies.index(body), frame)
@@ -182,109 +230,123 @@ class Session:
         """Return what an image is of: the simulation, and its step."""
         return self.runs, self.step
 
-    def _changed(self) -> list[Changes]:
+    @property
+    def _noted(self) -> Changes:
         """Return where a change is noted; one before the simulation counts in each."""
-        return [self.changes] if self.is_running else [self.initial]
+        return self.changes if self.is_running else self.initial
 
     def put(self, thing: SceneObject, pose: Pose) -> None:
         """Put an object somewhere in the world."""
-        frame = self.scene.moved_frame(thing, pose)
-        if frame is not None and thing.link is not None:
-            for changes in self._changed():
-                changes.frames[self.scene.physics.bodies[thing.link[0]]] = frame
+        self.scene.move(thing, pose)
+        if thing.is_root:
+            self._noted.frames[self.scene.body(thing)] = pose
 
     def put_joint(self, joint: Joint, position: float) -> None:
         """Put a joint somewhere [rad]."""
         self.scene.put_joint(joint, position)
-        for changes in self._changed():
-            changes.joints[joint.name] = position
+        self._noted.joints[joint.name] = position
 
     def hold(self, thing: SceneObject, holder: SceneObject | None) -> None:
         """Let a body go along with what another object is on; None: let it go."""
-        body = self.scene.physics.bodies[thing.link[0]] if thing.link is not None else ""
         while holder is not None and holder.link is None:
             holder = self.scene.objects.get(holder.parent)
         names = {link: name for name, link in self.scene.physics.links.items()}
-        for changes in self._changed():
-            changes.held[body] = "" if holder is None or holder.link is None else names[holder.link]
+        link = None if holder is None else holder.link
+        self._noted.held[self.scene.body(thing)] = "" if link is None else names[link]
 
     def make_shape(self, kind: str, size: list[float]) -> int:
         """Make a box, sphere or cylinder [m]; return its handle."""
-        self.must_be_stopped()
-        return self.edits.make_shape(self.scene, kind, size).handle
+        (alias, part), known = _FORMS[kind], self.edits.primitives
+        mass = _DENSITY * (size[0] * size[1] * size[2] * part)
+        made = self._add_body(alias, known, known, {"kind": kind, "size": size, "mass": mass})
+        made.alias = alias
+        return made.handle
+
+    def load_model(self, urdf: str, name: str) -> int:
+        """Add a body from a model file; return its handle."""
+        taken = {*self.edits.models, *self.scene.physics.bodies}
+        return self._add_body(name, taken, self.edits.models, {"urdf": urdf}).handle
+
+    def _add_body(
+        self, stem: str, taken: Collection[str], rows: dict[str, Any], row: dict[str, Any]
+    ) -> SceneObject:
+        self._must_be_stopped()
+        names = [stem, *(f"{stem}{number}" for number in range(len(taken) + 1))]
+        name = next(name for name in names if name not in taken)
+        rows[name], self.edits.is_new = row, True
+        return self.scene.add_shape(name)
 
     def shape_changed(self, handle: int, **changes: Any) -> None:
         """Change the mass [kg], colour, or other keys of `Primitive` of a shape."""
+        thing, edits = self.scene.get(handle), self.edits
         if self.is_running and changes.keys() == {"mass"}:
-            path = self.scene.path(self.scene.get(handle))
-            text = f"{path} has its new mass from the next simulation on"
+            text = f"{self.scene.path(thing)} has its new mass from the next simulation on"
             self.logged.append(("warning", text))
         elif changes.keys() != {"colour"}:
-            self.must_be_stopped()
-        self.edits.shape_changed(self.scene.get(handle), changes)
-        # The scene shows the bodies of the plant, which has begun.
-        self.edits.is_new = self.edits.is_new and not self.is_running
+            self._must_be_stopped()
+        if (row := edits.primitives.get(thing.name)) is not None:
+            row |= changes
+        elif "mass" in changes:
+            edits.masses[thing.name] = changes["mass"]
+        thing.values |= changes
+        # While it runs, the scene shows the bodies of the plant, which has begun.
+        is_new = edits.is_new or row is not None or "mass" in changes
+        edits.is_new = is_new and not self.is_running
 
     def remove(self, thing: SceneObject) -> None:
         """Remove what the script has made."""
         if thing.is_model:
-            self.must_be_stopped()
-        self.edits.remove(self.scene, thing)
+            self._must_be_stopped()
+        edits = self.edits
+        known = edits.primitives if thing.name in edits.primitives else edits.models
+        if known.pop(thing.name, None) is None and (thing.link is not None or thing.kind == JOINT):
+            text = "is part of the world, and cannot be removed."
+            raise ApiError(f"{self.scene.path(thing)} {text}")
+        edits.masses.pop(thing.name, None)
+        edits.is_new = edits.is_new or thing.is_model
+        self.scene.remove(thing)
 
     def load_scene(self, world: str) -> None:
         """Take another world; empty: that of the scenario."""
-        self.must_be_stopped()
-        self.edits.world, self.edits.is_new = world, True
-        self.edits.primitives, self.edits.models, self.edits.masses = {}, {}, {}
+        self._must_be_stopped()
+        self.edits = Edits(self.edits.opened, world, is_new=True)
         self.initial = Changes()
 
-    def load_model(self, urdf: str, name: str) -> int:
-        """Add a body from a model file; return its handle."""
-        self.must_be_stopped()
-        return self.edits.load_model(self.scene, urdf, name).handle
-
-    def must_be_stopped(self) -> None:
-        """Raise ApiError while a simulation runs."""
+    def _must_be_stopped(self) -> None:
         if self.is_running:
-            raise ApiError(ONLY_STOPPED)
+            text = "make and change bodies before sim.startSimulation."
+            raise ApiError(f"the simulation is running; {text}")
 
     def velocity_of(self, thing: SceneObject) -> tuple[Any, Any]:
         """Return velocity [m/s] and angular velocity [rad/s] of an object in the world."""
-        linear, angular = self.scene.velocity_of(thing, self._body_names)
+        linear, angular = self.scene.velocity_of(thing)
         return list(linear), list(angular)
 
     def property_of(self, thing: SceneObject, parameter: int) -> float:
         """Return a property by CoppeliaSim's number, as the script has set it, or as it is."""
-        own: dict[str, Any] = {}
-        if thing.joint is not None:
-            control = self.controls[thing.joint.name]
+        own: dict[str, float] = {}
+        if (joint := thing.joint) is not None:
+            control, velocity = self.controls[joint.name], self.scene.velocity
             own = {
                 "jointintparam_dynctrlmode": control.mode,
-                "jointintparam_motor_enabled": int(control.mode != FREE),
-                "jointintparam_ctrl_enabled": int(control.mode == POSITION),
-                "jointfloatparam_velocity": self.scene.velocity[
-                    self.scene.joint_index[thing.joint.name]
-                ],
-                "jointfloatparam_upper_limit": min(thing.joint.upper, math.pi),
+                "jointintparam_motor_enabled": control.mode != FREE,
+                "jointintparam_ctrl_enabled": control.mode == POSITION,
+                "jointfloatparam_velocity": velocity[self.scene.joint_index[joint.name]],
+                "jointfloatparam_upper_limit": min(joint.upper, math.pi),
                 "jointfloatparam_maxvel": min(control.fastest, sys.float_info.max),
             }
         elif thing.camera is not None:
             row = thing.camera.row
+            larger = math.tan(row.fov / 2) * max(row.width / row.height, 1.0)
             own = {
                 "visionintparam_resolution_x": row.width,
                 "visionintparam_resolution_y": row.height,
-                # The angle of the larger side.
-                "visionfloatparam_perspective_angle": 2.0
-                * math.atan(math.tan(row.fov / 2) * max(row.width / row.height, 1.0)),
+                "visionfloatparam_perspective_angle": 2.0 * math.atan(larger),
                 "visionfloatparam_near_clipping": row.near,
                 "visionfloatparam_far_clipping": row.far,
             }
         elif thing.is_root:
-            own = {
-                "shapeintparam_static": 1
-                if self.scene.physics.world.bodies[thing.name].fixed_base
-                else 0
-            }
+            own["shapeintparam_static"] = self.scene.physics.world.bodies[thing.name].fixed_base
         known = {CONSTANTS[name]: value for name, value in own.items()}
         return float(known.get(parameter, thing.values.get(str(parameter), 0.0)))
 
@@ -298,7 +360,7 @@ class Session:
             self._settle()
             self.state, self.step, self.time, self.runs = FIRST, 0, 0.0, self.runs + 1
             self._kept = set(self.scene.objects)
-            self.changes = dataclasses.replace(self.initial)
+            self.changes = self.initial
             for control in self.controls.values():
                 control.is_new = True
         self._due_s = time.monotonic()
@@ -310,7 +372,6 @@ class Session:
             for client in self.clients:
                 client.level = 0
             self._answer()
-            self.controls = {name: Control.of(j) for name, j in self.scene.physics.joints.items()}
             for handle in self.scene.objects.keys() - self._kept:
                 # What is made while it runs does not outlive it.
                 self.scene.remove(self.scene.objects[handle])
@@ -322,12 +383,10 @@ class Session:
         if self.state != STOPPED:
             self.state = PAUSED
 
-    def connect(
-        self, groups: Mapping[str, Group], names: Sequence[str], bodies: Sequence[str]
-    ) -> None:
+    def connect(self, groups: Mapping[str, Group], names: Sequence[str], bodies: list[str]) -> None:
         """Take what a run has: the joints of each command, and of the messages of the plant."""
-        self.groups = dict(groups)
-        self._names, self._body_names = names, bodies
+        self.groups = groups
+        self.scene.body_names = bodies
         self._order = [self.scene.joint_index[name] for name in names]
 
     def take(self, step: int, state: JointState | None, bodies: BodyStates | None) -> None:
@@ -338,10 +397,9 @@ class Session:
         self.signals["legacyRemoteApiStepCounter"] = step
         if state is not None:
             self.scene.take(state, self._order, bodies)
-        if self.state == FIRST and step:
-            self.state = RUNNING
         if step:
             # Who has asked for a step before the first one waits for that.
+            self.state = RUNNING if self.state == FIRST else self.state
             self._answer()
 
     def _answer(self) -> None:
@@ -352,12 +410,12 @@ class Session:
 
     def commands(self) -> dict[str, JointCommand]:
         """Return the commands of this step, by port: those that are new."""
-        made = {
-            port: group.command(self.controls, self.scene)
+        return {
+            port: made
             for port, group in self.groups.items()
             if any(self.controls[name].is_new for name in group.names)
+            and (made := group.command(self.controls, self.scene)) is not None
         }
-        return {port: command for port, command in made.items() if command is not None}
 
     def serve_until_started(self) -> bool:
         """Answer calls until a simulation is started; return False when no client is left."""
@@ -423,18 +481,12 @@ class Session:
         if now < self._look_s:
             return True
         self._look_s = now + _TICK_S / 2
-        return self._is_alive()
-
-    def _is_alive(self) -> bool:
-        script = self._script
-        if script is None:
+        if (script := self._script) is None:
             return bool(self.clients) or not self.has_clients
-        if (code := script.poll()) is None:
-            return True
-        if code and not self._interrupted():
+        if (code := script.poll()) and not self._interrupted():
             how = f"exit code {code}" if code > 0 else f"signal {-code}"
             raise ScriptFailed(f"the script has ended with {how}; see its output")
-        return False
+        return code is None
 
     def close(self) -> None:
         """End the script, and all connections."""

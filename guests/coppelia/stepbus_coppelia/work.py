@@ -35,6 +35,12 @@ from stepbus_schemas import WiringError
 
 GATEWAY = "stepbus_coppelia:Gateway"
 PLANT, SCENE_PLANT = "stepbus_plant:Plant", "stepbus_coppelia.plant:ScenePlant"
+_OUTPUTS = {
+    CHANGES: "SceneChange/1",
+    DRAWINGS: "Drawings/1",
+    CALLS: "RemoteCalls/1",
+    EVENTS: "Event/1",
+}
 _SLACK_NS = 5_000_000_000
 """By which the deadline of the gateway is longer than that of its clients [ns]."""
 
@@ -56,93 +62,86 @@ class Stage:
         plants = [n for n, row in rows.items() if row.get("participant") in (PLANT, SCENE_PLANT)]
         if len(plants) != 1:
             raise WiringError(f"{loaded.name} has {len(plants)} plants; a script needs one")
-        self.plant = plants[0]
         own = [n for n, row in rows.items() if row.get("participant") == GATEWAY]
-        self.name = own[0] if own else "script"
+        self.plant, self.name = plants[0], own[0] if own else "script"
         before = rows[own[0]].get("params", {}) if own else {}
         self._kept = {n: row for n, row in rows.items() if n not in (*own, self.plant) and own}
         self._row = rows[self.plant]
         # A script may ask for any joint.
         self._row.get("params", {}).pop("joints", None)
+        program, words = "".join(given.script[:1]), given.script[1:]
         # A rerun finds files by their place beside the scenario, and programs where they are.
-        paths = [str(Path(w).absolute()) if Path(w).is_file() else w for w in given.script[1:]]
+        files = {word: Path(word).absolute() for word in words if Path(word).is_file()}
+        paths = [str(files.get(word, word)) for word in words]
         command = [named_from(loaded.folder, "script.command", word) for word in paths]
-        program = given.script[0] if given.script else ""
-        command = [f"{ENV}{program}" if "/" in program else program, *command] if program else []
+        if program:
+            command.insert(0, f"{ENV}{program}" if "/" in program else program)
         # What a script imports is beside it.
-        scripts = [Path(w).absolute() for w in given.script[1:] if Path(w).is_file()][:1]
-        beside = [f"{os.path.relpath(p.parent, loaded.folder)}/*{p.suffix}" for p in scripts]
+        near = [(os.path.relpath(p.parent, loaded.folder), p.suffix) for p in files.values()][:1]
+        beside = [f"{folder}/*{suffix}" for folder, suffix in near]
         self._files = [*rows.get(self.name, {}).get("files", []), *beside]
-        timeout = {"client_timeout": given.client_timeout} if given.client_timeout else {}
+        options = {
+            "command": command if program else [],
+            "client_timeout": given.client_timeout,
+            "start": given.start,
+        }
         self._params: dict[str, Any] = {
             **before,
-            **({"command": command} if command else {}),
-            **timeout,
-            **({"start": True} if given.start else {}),
+            **{key: value for key, value in options.items() if value},
             "port": given.port,
             **({"legacy_ports": given.legacy_port} if given.legacy_port else {}),
             "plant": self._row.get("params", {}),
             "plant_seed": participant_seed(loaded.seed, self.plant),
         }
         self.params = Params.of(self._params, loaded.folder)
-        self.command = given.script
 
     def scenario_of(self, session: Session, number: int) -> Scenario:
         """Return the scenario of a run; number: of the simulation, from 1 on."""
-        physics, plant = session.scene.physics, self.plant
-        groups = groups_of(physics.joints, physics.bodies, session.dt)
-        outputs = {**self._row.get("outputs", {})}
-        outputs = {port: row for port, row in outputs.items() if _type(row) != "JointState/1"}
+        physics, plant, edits = session.scene.physics, self.plant, session.edits.params()
+        commands = groups_of(physics.joints, physics.bodies, session.dt)
+        rows = self._row.get("outputs", {}).items()
+        outputs = {port: row for port, row in rows if _type(row) != "JointState/1"}
         outputs[STATE] = "JointState/1"
-        given = {**self._row.get("params", {}), **session.edits.params()}
+        given = {**self._row.get("params", {}), **edits}
         has_joints = {joint.body for joint in physics.joints.values()}
         bodies = list(enumerate(physics.world.bodies.values()))
-        has_bodies = not all(body.fixed_base for _, body in bodies)
         shown = [n for n, body in bodies if not body.fixed_base or n not in has_joints]
         if shown and "Poses/1" not in map(_type, outputs.values()):
             # Where views and reports find what a script moves.
             names = {link: name for name, link in physics.links.items()}
             outputs["poses"] = "Poses/1"
-            given.setdefault("poses", [names[number, BASE] for number in shown])
-        outputs |= {BODIES: "BodyStates/1"} if has_bodies else {}
-        commands = dict.fromkeys(groups, "JointCommand/1")
-        params = {**self._params, "plant": {**self._params["plant"], **session.edits.params()}}
+            given.setdefault("poses", [names[n, BASE] for n in shown])
+        inputs = {STATE: f"{plant}.{STATE}"}
+        if not all(body.fixed_base for _, body in bodies):
+            outputs[BODIES], inputs[BODIES] = "BodyStates/1", f"{plant}.{BODIES}"
+        params = {**self._params, "plant": {**self._params["plant"], **edits}}
         if number > 1:
             # A script begins with its first simulation: it cannot repeat this one alone.
             params.pop("command", None)
-        inputs = {STATE: f"{plant}.{STATE}"} | ({BODIES: f"{plant}.{BODIES}"} if has_bodies else {})
-        limit_ns = self.params.client_timeout_ns + _SLACK_NS
-        rows = {
-            plant: {
-                **self._row,
-                "participant": SCENE_PLANT,
-                "publishes": "first",
-                "inputs": {port: f"{self.name}.{port}" for port in (*commands, CHANGES)},
-                "outputs": outputs,
-                "params": given,
-            },
-            self.name: {
-                "participant": GATEWAY,
-                "inputs": inputs,
-                "outputs": {
-                    **commands,
-                    CHANGES: "SceneChange/1",
-                    DRAWINGS: "Drawings/1",
-                    CALLS: "RemoteCalls/1",
-                    EVENTS: "Event/1",
-                },
-                "params": params,
-                "files": self._files,
-                "step_timeout": format_duration(limit_ns),
-            },
-            **self._kept,
-        }
         types = self._content.get("types", [])
         own = types if isinstance(types, list) else [types]
         content = {
             **self._content,
             "types": [*own, "stepbus_coppelia.messages"],
-            "participants": rows,
+            "participants": {
+                plant: {
+                    **self._row,
+                    "participant": SCENE_PLANT,
+                    "publishes": "first",
+                    "inputs": {port: f"{self.name}.{port}" for port in (*commands, CHANGES)},
+                    "outputs": outputs,
+                    "params": given,
+                },
+                self.name: {
+                    "participant": GATEWAY,
+                    "inputs": inputs,
+                    "outputs": {**dict.fromkeys(commands, "JointCommand/1"), **_OUTPUTS},
+                    "params": params,
+                    "files": self._files,
+                    "step_timeout": format_duration(self.params.client_timeout_ns + _SLACK_NS),
+                },
+                **self._kept,
+            },
         }
         return load(content, folder=self.scenario.folder)
 
@@ -155,23 +154,16 @@ def coppelia_command(given: Coppelia) -> int:
     """Run every simulation that a script starts, and return the exit code of the last one."""
     stage = Stage(given)
     with interruptible(ends=True) as interrupt:
+        base, script = stage.scenario, (given.script, Path.cwd())
+        how = {"say": _say, "interrupted": interrupt.is_set}
         try:
-            session = open_session(
-                stage.params,
-                stage.scenario.step_ns,
-                stage.scenario.folder,
-                (given.script, Path.cwd()),
-                say=_say,
-                interrupted=interrupt.is_set,
-            )
+            session = open_session(stage.params, base.step_ns, base.folder, script, **how)
         except ApiError as exc:
             raise WiringError(str(exc)) from exc
         gateway.shared = session
         try:
-            _say(
-                f"listening on 127.0.0.1:{session.port}"
-                + ("" if given.script else "; start your script")
-            )
+            hint = "" if given.script else "; start your script"
+            _say(f"listening on 127.0.0.1:{session.port}{hint}")
             code = _simulations(given, stage, session, interrupt)
         except ScriptFailed as exc:
             print_error(str(exc))
@@ -199,8 +191,7 @@ def _simulations(given: Coppelia, stage: Stage, session: Session, interrupt: Any
             out = Path(f"{out}-{session.runs}")
         with ExitStack() as stack:
             if given.view:
-                opens = not given.no_open
-                view = viewed(out, opens=opens, stays=False, interrupt=interrupt)
+                view = viewed(out, opens=not given.no_open, stays=False, interrupt=interrupt)
                 stack.enter_context(view)
             shown = stack.enter_context(displayed(scenario.name, quiet=False))
             result = run(scenario, Options(out=out, host=InProcess()), shown, interrupt)

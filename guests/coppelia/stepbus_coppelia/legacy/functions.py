@@ -145,8 +145,7 @@ def _script(call: Call, named: bytes, data: bytes) -> bytes:
     args = [numbers[:ints], numbers[ints:], strings, rest.split(b"\0", texts)[-1][:size]]
     name = f"{function}@{script}" if script else function
     results = [*call("callScriptFunction", [name, where, *args]), None, None, None, None]
-    gives = [result or [] for result in results[:3]]
-    last = _pack("t", [results[3] or b""])
+    gives, last = [result or [] for result in results[:3]], _pack("t", [results[3] or b""])
     counts = _pack("4i", [*map(len, gives), len(last)])
     ends = [_pack("z", [text]) for text in gives[2]]
     return b"".join([counts, _pack("i", gives[0]), _pack("f", gives[1]), *ends, last])
@@ -156,9 +155,8 @@ _DATA = """0 ObjectAlias 1 ObjectType 2 ObjectParent 3 ObjectPosition 5 ObjectOr
 7 ObjectQuaternion 9 ObjectPosition+ObjectOrientation 11 ObjectPosition+ObjectQuaternion
 15 JointPosition+JointForce 17 ObjectVelocity 19 ObjectVelocity 20 ObjectAlias 21 ObjectAlias"""
 """Number of a kind of data, and what to read for it."""
-_READS = {
-    int(kind): reads.split("+") for kind, reads in zip(*[iter(_DATA.split())] * 2, strict=True)
-}
+_PAIRS = zip(*[iter(_DATA.split())] * 2, strict=True)
+_READS = {int(kind): reads.split("+") for kind, reads in _PAIRS}
 _READS |= {kind + 1: _READS[kind] for kind in (3, 5, 7, 9, 11, 17)}
 _OPTIONS = {21: 2} | {kind: _WORLD if kind % 2 else _PARENT for kind in range(3, 13)}
 _ONLY = {13: (_PROXIMITY_SENSOR, 2, 6), 15: (_JOINT, 0, 2)}
@@ -185,13 +183,12 @@ def _group(call: Call, group: int, kind: int) -> bytes:
     """Read something of all objects of a type or in a collection."""
     if kind != 13 and kind not in _READS:
         raise ApiError(f"there is no data type {kind}")
-    if 0 <= group < _END_OF_TYPES or group == _ALL_OBJECTS:
-        handles = _of_type(call, group)
-    else:
-        handles = _flat(call("getCollectionObjects", [group]))
+    is_type = 0 <= group < _END_OF_TYPES or group == _ALL_OBJECTS
+    collected = () if is_type else call("getCollectionObjects", [group])
+    handles = _of_type(call, group) if is_type else _flat(collected)
     rows = [_row(call, handle, kind) for handle in handles]
     ints, floats, texts = ([value for row in rows for value in row[at]] for at in range(3))
-    counts = _pack("4i", [len(handles), len(ints), len(floats), len(texts)])
+    counts = _pack("4i", [*map(len, (handles, ints, floats, texts))])
     names = (_pack("z", [text]) for text in texts)
     return b"".join([counts, _pack("i", handles), _pack("i", ints), _pack("f", floats), *names])
 
