@@ -10,6 +10,7 @@ from stepbus_participant import (
     Config,
     Finite,
     NonNegative,
+    Participant,
     Ports,
     Positive,
     Settings,
@@ -17,18 +18,7 @@ from stepbus_participant import (
     Text,
     Vector3,
 )
-from stepbus_schemas import (
-    Description,
-    Event,
-    Goal,
-    GoalStatus,
-    GoalType,
-    Message,
-    Quaternion,
-    RunError,
-    Spiral,
-)
-from stepbus_store.memory import Remembering
+from stepbus_schemas import Event, Goal, GoalStatus, GoalType, Message, Quaternion, RunError, Spiral
 
 
 class SpiralSettings(Settings):
@@ -107,7 +97,7 @@ def _quaternion(rpy: tuple[float, float, float]) -> Quaternion:
     )
 
 
-class GoalSequence(Remembering):
+class GoalSequence(Participant):
     """Sends the next goal when the one before has succeeded, and ends the run after the last one.
 
     Input: one GoalStatus/1. Outputs: one Goal/1, and an Event/1 for every goal that is accepted or
@@ -124,10 +114,6 @@ class GoalSequence(Remembering):
         self._goals = config.read(Params, ports.problems).goals
         self._number = -1
         self._reported = ""
-
-    def start(self, inputs: Mapping[str, Description]) -> None:
-        """Begin with the first goal."""
-        self.remember()
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the next goal once the last one is over, and the event of its result."""
@@ -152,3 +138,11 @@ class GoalSequence(Remembering):
             return {self._goal_port: self._goals[self._number].goal(self._number)}
         step.end(f"{len(self._goals)} of {len(self._goals)} goals are done")
         return {}
+
+    def save(self) -> bytes:
+        """Return how far it is."""
+        return msgspec.msgpack.encode((self._number, self._reported))
+
+    def restore(self, state: bytes) -> None:
+        """Take a state from `save`."""
+        self._number, self._reported = msgspec.msgpack.decode(state)
