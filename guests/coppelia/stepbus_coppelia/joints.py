@@ -77,9 +77,9 @@ class Control:
 
         Older scripts write it as a largest force, and a target velocity that is never reached.
         """
-        if self.mode != VELOCITY:
-            return self.force if self.mode == FORCE else 0.0
-        return math.copysign(abs(self.force), self.velocity) if self.velocity else 0.0
+        if self.mode == VELOCITY and self.velocity:
+            return math.copysign(self.force, self.velocity)
+        return self.force if self.mode == FORCE else 0.0
 
     def motion(self, now: float, dt: float) -> tuple[float, float]:
         """Return target velocity and largest force of a joint of mode velocity.

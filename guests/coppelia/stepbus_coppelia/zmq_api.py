@@ -26,8 +26,7 @@ class ZmqClient(Client):
     def __init__(self, name: str, identity: bytes, file: int) -> None:
         super().__init__(name)
         self.identity, self.file = identity, file
-        self.reply: bytes | None = None
-        self.subscribes = False
+        self.reply: Mapping[str, Any] | None = None
 
 
 class ZmqEndpoint:
@@ -116,7 +115,7 @@ class ZmqEndpoint:
             return
         reply = {"success": True, "ret": result} if is_old else {"ret": result}
         if client.waits and not is_old:
-            client.reply = cbor2.dumps(reply)
+            client.reply = reply
         else:
             self._send(client, reply)
 
@@ -145,9 +144,7 @@ class ZmqEndpoint:
         return table | {name: {"const": value} for name, value in constants}
 
     def _send(self, client: ZmqClient, reply: Mapping[str, Any]) -> None:
-        self._send_bytes(client, cbor2.dumps(reply))
-
-    def _send_bytes(self, client: ZmqClient, data: bytes) -> None:
+        data = cbor2.dumps(reply)
         try:
             self._router.send_multipart([client.identity, b"", data])
         except zmq.Again:
@@ -157,7 +154,7 @@ class ZmqEndpoint:
         """Answer who waited: a step is done, or the simulation has started or stopped."""
         for client in list(self._clients.values()):
             if client.reply is not None and not client.waits:
-                self._send_bytes(client, client.reply)
+                self._send(client, client.reply)
                 client.reply = None
         self._steps.send(cbor2.dumps(self._simulator.step), zmq.NOBLOCK)
 
