@@ -11,12 +11,7 @@ from stepbus_coppelia.clients import ApiError, Client, Simulator
 from stepbus_coppelia.functions import CONSTANTS, NAMES, UNAVAILABLE
 from stepbus_participant import WiringError
 
-PORT = 23000
 VERSION = 2
-_LARGEST = 64 << 20
-"""Bytes of a message that is read."""
-_LINGER_MS = 200
-"""How long answers that are under way have to leave, at the end."""
 _MODULES = {"sim": NAMES | UNAVAILABLE, "zmqRemoteApi": {"info", "require"}}
 
 
@@ -35,11 +30,11 @@ class ZmqEndpoint:
     Raises WiringError where the port is taken.
     """
 
-    def __init__(self, simulator: Simulator, port: int = PORT) -> None:
+    def __init__(self, simulator: Simulator, port: int) -> None:
         self._simulator = simulator
         self._context = zmq.Context()
         self._router, self._steps = map(self._context.socket, (zmq.ROUTER, zmq.PUB))
-        self._router.setsockopt(zmq.MAXMSGSIZE, _LARGEST)
+        self._router.setsockopt(zmq.MAXMSGSIZE, 64 << 20)  # bytes of a message that is read
         self._router.setsockopt(zmq.SNDTIMEO, 0)
         self._clients: dict[bytes, ZmqClient] = {}
         self._count = 0
@@ -90,9 +85,8 @@ class ZmqEndpoint:
         except Exception:  # noqa: BLE001  whatever a library makes of bytes that are no CBOR
             request = None
         if not isinstance(request, dict) or not isinstance(request.get("func"), str):
-            self._send(
-                client, {"err": "not a request of the remote API, in CBOR", "success": False}
-            )
+            error = "not a request of the remote API, in CBOR"
+            self._send(client, {"err": error, "success": False})
             self._drop(client, "has sent what is no request of the remote API")
             return
         if isinstance(version := request.get("ver", VERSION), int) and version > VERSION:
@@ -164,5 +158,5 @@ class ZmqEndpoint:
 
     def close(self) -> None:
         """Close all connections."""
-        # With the monitor's socket: it would wait for that for ever.
-        self._context.destroy(linger=_LINGER_MS)
+        # With the monitor's socket: it would wait for that for ever. Answers have 200 ms to leave.
+        self._context.destroy(linger=200)
