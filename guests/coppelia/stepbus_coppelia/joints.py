@@ -16,7 +16,7 @@ FREE, FORCE, VELOCITY, POSITION, SPRING = 0, 1, 4, 8, 12
 _OWN = {"torque": FORCE, "velocity": VELOCITY, "position": POSITION}
 UNREACHED = 1e4
 """Velocity that no motor reaches, so that it applies its force [rad/s]."""
-_HUGE = 100.0
+HUGE = 100.0
 """From this target velocity on, a script means a torque [rad/s]."""
 _GAIN = 20.0
 """From the error of a position to a velocity: CoppeliaSim's default, P = 0.1 at 5 ms [1/s]."""
@@ -51,9 +51,7 @@ class Control:
         """Change the mode; raises ApiError for one that the joint of the world cannot have."""
         if not self.joint.motor:
             raise ApiError(f"joint {self.joint.name} has no motor.")
-        if mode == SPRING:
-            mode = POSITION
-        has = self.joint.mode
+        mode, has = POSITION if mode == SPRING else mode, self.joint.mode
         if mode not in (FREE, FORCE, VELOCITY, POSITION):
             raise ApiError(f"joint mode {mode} is not available in stepbus.")
         is_own = mode == _OWN.get(has) or (has == "torque" and mode in (FREE, VELOCITY))
@@ -64,22 +62,14 @@ class Control:
             )
         self.mode, self.is_new = mode, True
 
-    def check_velocity(self, velocity: float) -> None:
-        """Raise ApiError for a target velocity that the joint cannot track [rad/s]."""
-        if self.joint.mode == "torque" and 0.0 < abs(velocity) < _HUGE:
-            raise ApiError(
-                f"joint {self.joint.name} has mode torque in the world file, and cannot track "
-                f"{velocity:g} rad/s; give it mode velocity."
-            )
-
     def torque(self) -> float:
         """Return the torque [N·m] of a joint that takes only that.
 
         Older scripts write it as a largest force, and a target velocity that is never reached.
         """
-        if self.mode != VELOCITY:
-            return self.force if self.mode == FORCE else 0.0
-        return math.copysign(abs(self.force), self.velocity) if self.velocity else 0.0
+        if self.mode == VELOCITY and self.velocity:
+            return math.copysign(self.force, self.velocity)
+        return self.force if self.mode == FORCE else 0.0
 
     def motion(self, now: float, dt: float) -> tuple[float, float]:
         """Return target velocity and largest force of a joint of mode velocity.

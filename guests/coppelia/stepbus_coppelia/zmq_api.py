@@ -11,14 +11,8 @@ from stepbus_coppelia.clients import ApiError, Client, Simulator
 from stepbus_coppelia.functions import CONSTANTS, NAMES, UNAVAILABLE
 from stepbus_participant import WiringError
 
-PORT = 23000
 VERSION = 2
-_LARGEST = 64 << 20
-"""Bytes of a message that is read."""
-_LINGER_MS = 200
-"""How long answers that are under way have to leave, at the end."""
-_MODULES = ("sim", "zmqRemoteApi")
-_EXECUTED, _END = "_*executed*_", "_*end*_"
+_MODULES = {"sim": NAMES | UNAVAILABLE, "zmqRemoteApi": {"info", "require"}}
 
 
 class ZmqClient(Client):
@@ -27,8 +21,7 @@ class ZmqClient(Client):
     def __init__(self, name: str, identity: bytes, file: int) -> None:
         super().__init__(name)
         self.identity, self.file = identity, file
-        self.reply: bytes | None = None
-        self.subscribes = False
+        self.reply: Mapping[str, Any] | None = None
 
 
 class ZmqEndpoint:
@@ -37,15 +30,13 @@ class ZmqEndpoint:
     Raises WiringError where the port is taken.
     """
 
-    def __init__(self, simulator: Simulator, port: int = PORT) -> None:
+    def __init__(self, simulator: Simulator, port: int) -> None:
         self._simulator = simulator
         self._context = zmq.Context()
-        self._router = self._context.socket(zmq.ROUTER)
-        self._router.setsockopt(zmq.MAXMSGSIZE, _LARGEST)
+        self._router, self._steps = map(self._context.socket, (zmq.ROUTER, zmq.PUB))
+        self._router.setsockopt(zmq.MAXMSGSIZE, 64 << 20)  # bytes of a message that is read
         self._router.setsockopt(zmq.SNDTIMEO, 0)
-        self._steps = self._context.socket(zmq.PUB)
         self._clients: dict[bytes, ZmqClient] = {}
-        self._by_uuid: dict[str, ZmqClient] = {}
         self._count = 0
         try:
             self._router.bind(f"tcp://127.0.0.1:{port or '*'}")
@@ -68,21 +59,22 @@ class ZmqEndpoint:
     def receive(self, socket: Any) -> None:
         """Take and answer what has arrived at a socket, without waiting."""
         if socket is self._monitor:
-            self._forget(recv_monitor_message(self._monitor)["value"])
+            file = recv_monitor_message(self._monitor)["value"]
+            for client in [c for c in self._clients.values() if c.file == file]:
+                self._drop(client, "")  # its connection has ended
             return
         frames = self._router.recv_multipart(copy=False)
         identity = frames[0].bytes
-        client = self._clients.get(identity)
-        if client is None:
+        if (known := self._clients.get(identity)) is None:
             try:
                 file = frames[0].get(zmq.SRCFD)
             except zmq.ZMQError:
                 return  # bytes that ZeroMQ took for its first protocol, which names no connection
-            client = ZmqClient(f"client {self._count + 1} (ZeroMQ)", identity, file)
+            known = ZmqClient(f"client {self._count + 1} (ZeroMQ)", identity, file)
         if len(frames) != 3 or frames[1].bytes:
-            self._drop(client, "has sent what is no request of ZeroMQ's REQ")
-            return
-        self._answer(client, frames[2].bytes)
+            self._drop(known, "has sent what is no request of ZeroMQ's REQ")
+        else:
+            self._answer(known, frames[2].bytes)
 
     def _answer(self, client: ZmqClient, data: bytes) -> None:
         try:
@@ -90,9 +82,8 @@ class ZmqEndpoint:
         except Exception:  # noqa: BLE001  whatever a library makes of bytes that are no CBOR
             request = None
         if not isinstance(request, dict) or not isinstance(request.get("func"), str):
-            self._send(
-                client, {"err": "not a request of the remote API, in CBOR", "success": False}
-            )
+            error = "not a request of the remote API, in CBOR"
+            self._send(client, {"err": error, "success": False})
             self._drop(client, "has sent what is no request of the remote API")
             return
         if isinstance(version := request.get("ver", VERSION), int) and version > VERSION:
@@ -103,26 +94,24 @@ class ZmqEndpoint:
             self._count += 1
             self._clients[client.identity] = client
             self._simulator.join(client)
-        is_old = "uuid" not in request
-        name, args = request["func"], request.get("args", [])
-        if name == _END:
+        is_old, name, args = "uuid" not in request, request["func"], request.get("args", [])
+        if name == "_*end*_":
             self._send(client, {})  # Octave's client waits for it
             self._drop(client, "")
             return
-        if name == _EXECUTED:
+        if name == "_*executed*_":
             self._send(client, {"ret": []})
             return
         args = list(args) if isinstance(args, list | tuple) else [args]
         try:
             result = self._call(client, name, args, is_old=is_old)
         except ApiError as exc:
-            text = str(exc)
-            coded = text.replace("\n", "_=NL=_").replace("\t", "_=TB=_")
-            self._send(client, {"success": False, "error": text} if is_old else {"err": coded})
+            coded = str(exc).replace("\n", "_=NL=_").replace("\t", "_=TB=_")
+            self._send(client, {"success": False, "error": str(exc)} if is_old else {"err": coded})
             return
         reply = {"success": True, "ret": result} if is_old else {"ret": result}
         if client.waits and not is_old:
-            client.reply = cbor2.dumps(reply)
+            client.reply = reply
         else:
             self._send(client, reply)
 
@@ -136,8 +125,7 @@ class ZmqEndpoint:
         if name == "zmqRemoteApi.info":
             return [self._info(str(args[0]) if args else "")]
         if name == "zmqRemoteApi.require":
-            if not args or args[0] not in _MODULES:
-                what = args[0] if args else "nothing"
+            if (what := args[0] if args else "nothing") not in tuple(_MODULES):
                 raise ApiError(f"plugin {what!r} is not available in stepbus; `sim` is")
             return []
         if module != "sim":
@@ -145,17 +133,14 @@ class ZmqEndpoint:
         return self._simulator.call(client, own, args)
 
     def _info(self, module: str) -> Mapping[str, Any]:
-        names = {"sim": NAMES | UNAVAILABLE, "zmqRemoteApi": {"info", "require"}}
-        if module not in names:
+        if module not in _MODULES:
             raise ApiError(f"{module!r} is not available in stepbus; `sim` is")
         constants = CONSTANTS.items() if module == "sim" else ()
-        table: dict[str, Any] = {name: {"func": {}} for name in sorted(names[module])}
+        table: dict[str, Any] = {name: {"func": {}} for name in sorted(_MODULES[module])}
         return table | {name: {"const": value} for name, value in constants}
 
     def _send(self, client: ZmqClient, reply: Mapping[str, Any]) -> None:
-        self._send_bytes(client, cbor2.dumps(reply))
-
-    def _send_bytes(self, client: ZmqClient, data: bytes) -> None:
+        data = cbor2.dumps(reply)
         try:
             self._router.send_multipart([client.identity, b"", data])
         except zmq.Again:
@@ -165,21 +150,15 @@ class ZmqEndpoint:
         """Answer who waited: a step is done, or the simulation has started or stopped."""
         for client in list(self._clients.values()):
             if client.reply is not None and not client.waits:
-                reply, client.reply = client.reply, None
-                self._send_bytes(client, reply)
-        step = self._simulator.step
-        self._steps.send(cbor2.dumps(step), zmq.NOBLOCK)
+                self._send(client, client.reply)
+                client.reply = None
+        self._steps.send(cbor2.dumps(self._simulator.step), zmq.NOBLOCK)
 
     def _drop(self, client: ZmqClient, why: str) -> None:
         if self._clients.pop(client.identity, None) is not None:
             self._simulator.leave(client, why)
 
-    def _forget(self, file: int) -> None:
-        """Forget the client whose connection has ended."""
-        for client in [c for c in self._clients.values() if c.file == file]:
-            self._drop(client, "")
-
     def close(self) -> None:
         """Close all connections."""
-        # With the monitor's socket: it would wait for that for ever.
-        self._context.destroy(linger=_LINGER_MS)
+        # With the monitor's socket: it would wait for that for ever. Answers have 200 ms to leave.
+        self._context.destroy(linger=200)

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from stepbus_coppelia.clients import ApiError
-from stepbus_coppelia.joints import FORCE, POSITION, VELOCITY, Control
+from stepbus_coppelia.joints import FORCE, HUGE, POSITION, VELOCITY, Control
 from stepbus_plant.joint import Joint
 
 from .table import CONSTANTS, Group, number
@@ -65,7 +65,11 @@ class Joints(Group):
         control, value = self._control(handle), number(velocity)
         if control.mode == FORCE:
             control.drive(VELOCITY)
-        control.check_velocity(value)
+        if control.joint.mode == "torque" and 0.0 < abs(value) < HUGE:
+            raise ApiError(
+                f"joint {control.joint.name} has mode torque in the world file, and cannot track "
+                f"{value:g} rad/s; give it mode velocity."
+            )
         control.velocity, control.is_new = value, True
         if control.mode == VELOCITY and value:
             control.force = math.copysign(control.force, value)

@@ -9,19 +9,8 @@ from stepbus_coppelia.joints import FREE, POSITION, VELOCITY
 from stepbus_coppelia.scene import NOWHERE, SHAPE, SceneObject, composed, inverse, relative
 from stepbus_plant.geometry import Pose
 
-from .table import (
-    CONSTANTS,
-    Group,
-    euler,
-    matrix,
-    number,
-    numbers,
-    of_euler,
-    of_matrix,
-    point,
-    pose_of,
-    turn_of,
-)
+from . import table
+from .table import CONSTANTS, Group, matrix, number, numbers, of_euler, of_matrix, point, pose_of
 
 _WORLD, _PARENT, _ALL = (CONSTANTS[f"handle_{name}"] for name in ("world", "parent", "all"))
 _NO_FRAMES = (None, _WORLD, CONSTANTS["handle_scene"])
@@ -34,6 +23,7 @@ _MODES: dict[int, Callable[[float], int | None]] = {
     CONSTANTS["jointintparam_motor_enabled"]: lambda value: None if value else FREE,
     CONSTANTS["jointintparam_ctrl_enabled"]: lambda value: POSITION if value else VELOCITY,
 }
+_FASTEST = {CONSTANTS[f"jointfloatparam_{key}"] for key in ("maxvel", "upper_limit")}
 _MISSING = "object does not exist, or alias/path ({!r}) is ill formatted{}."
 
 
@@ -122,8 +112,7 @@ class Objects(Group):
 
     def setObjectParent(self, handle: int, parent: Any = -1, keeps_place: bool = True) -> int:
         """Give an object another parent; a body then goes along with a link, as if held."""
-        scene = self.sim.scene
-        thing = scene.get(handle)
+        scene, thing = self.sim.scene, self.sim.scene.get(handle)
         above = None if parent in (-1, None) else scene.get(parent)
         if thing.kind == SHAPE and not thing.is_root:
             raise ApiError(f"{scene.path(thing)} is a link of a robot, and stays its part.")
@@ -176,7 +165,7 @@ class Objects(Group):
             control = self.sim.controls[thing.joint.name]
             if parameter in _MODES and (mode := _MODES[parameter](value)) is not None:
                 control.drive(mode)
-            elif parameter in (CONSTANTS["jointfloatparam_maxvel"], _UPPER):
+            elif parameter in _FASTEST:
                 control.fastest = abs(value)
         elif parameter in _KEYS and thing.name in self.sim.edits.primitives:
             self.sim.shape_changed(handle, **{_KEYS[parameter]: bool(value)})
@@ -218,9 +207,6 @@ class Objects(Group):
         return thing
 
 
-_UPPER = CONSTANTS["jointfloatparam_upper_limit"]
-
-
 def _kind(kinds: dict[int, str], form: int) -> str:
     if form not in kinds:
         raise ApiError("only cuboids, spheroids, cylinders and discs are available in stepbus.")
@@ -238,7 +224,7 @@ class Poses(Group):
 
     def getObjectOrientation(self, handle: int, frame: Any = None) -> list[float]:
         """Return its Euler angles alpha, beta, gamma [rad]."""
-        return euler(self._seen(handle, frame)[1])
+        return table.euler(self._seen(handle, frame)[1])
 
     def getObjectQuaternion(self, handle: int, frame: Any = None) -> list[float]:
         """Return its orientation as x, y, z, w."""
@@ -258,16 +244,15 @@ class Poses(Group):
 
     def setObjectOrientation(self, handle: int, angles: Any, frame: Any = None) -> int:
         """Turn an object to Euler angles [rad]."""
-        turn: Any = lambda values, pose: (pose[0], of_euler(numbers(values, 3)))  # noqa: E731
-        return self._put(handle, angles, frame, turn)
+        return self._put(handle, angles, frame, lambda a, pose: (pose[0], of_euler(numbers(a, 3))))
 
     def setObjectQuaternion(self, handle: int, turn: Any, frame: Any = None) -> int:
         """Turn an object to x, y, z, w."""
-        return self._put(handle, turn, frame, lambda q, pose: (pose[0], turn_of(numbers(q, 4))))
+        return self._put(handle, turn, frame, lambda q, p: (p[0], table.turn_of(numbers(q, 4))))
 
     def setObjectPose(self, handle: int, pose: Any, frame: Any = None) -> int:
         """Put an object to x, y, z and x, y, z, w."""
-        return self._put(handle, pose, frame, lambda values, _pose: pose_of(values))
+        return self._put(handle, pose, frame, lambda values, _: pose_of(values))
 
     def setObjectMatrix(self, handle: int, rows: Any, frame: Any = None) -> int:
         """Put an object to a matrix of 12 numbers."""
@@ -283,15 +268,13 @@ class Poses(Group):
         thing = self.sim.scene.get(handle)
         return self.sim.scene.pose_in(thing, self._frame(thing, given))
 
-    def _put(
-        self, handle: int, values: Any, given: Any, change: Callable[[Any, Pose], Pose]
-    ) -> int:
+    def _put(self, handle: int, values: Any, given: Any, to: Callable[[Any, Pose], Pose]) -> int:
         """Put an object where values take its pose in a frame; older scripts give that first."""
         thing = self.sim.scene.get(handle)
         if isinstance(given, list | tuple):
             values, given = given, values
         frame = self._frame(thing, given)
-        pose = change(values, self.sim.scene.pose_in(thing, frame))
+        pose = to(values, self.sim.scene.pose_in(thing, frame))
         if frame is not None:
             pose = composed(self.sim.scene.world_pose(frame, moves=True), pose)
         self.sim.put(thing, pose)
@@ -325,14 +308,14 @@ class Poses(Group):
     def rotateAroundAxis(self, rows: Any, axis: Any, through: Any, angle: float) -> list[float]:
         """Return a matrix, or a pose, that is turned about an axis through a point [rad]."""
         half, length, at = number(angle) / 2, math.hypot(*point(axis)) or 1.0, point(through)
-        turn = turn_of([*(math.sin(half) * value / length for value in axis), math.cos(half)])
+        turned = pose_of([*at, *(math.sin(half) * v / length for v in axis), math.cos(half)])
         before = relative((at, NOWHERE[1]), pose_of(rows) if len(rows) == 7 else of_matrix(rows))
-        after = composed((at, turn), before)
+        after = composed(turned, before)
         return _row(after) if len(rows) == 7 else matrix(after)
 
     def getEulerAnglesFromMatrix(self, rows: Any) -> list[float]:
         """Return the Euler angles of a matrix [rad]."""
-        return euler(of_matrix(rows)[1])
+        return table.euler(of_matrix(rows)[1])
 
     def matrixToPose(self, rows: Any) -> list[float]:
         """Return a matrix as a pose."""

@@ -10,8 +10,6 @@ from stepbus_coppelia.clients import ApiError
 
 from .table import CONSTANTS, Group, number
 
-_SCRIPT = 1_010_000
-"""Handle of the one script that functions are called of."""
 _FORMATS = {"UInt8": "B", "UInt16": "H", "UInt32": "I", "Int32": "i", "Float": "f", "Double": "d"}
 _KINDS = {0: "B", 1: "b", 4: "f", 5: "d"}
 """CoppeliaSim's number of a kind of buffer → NumPy's letter."""
@@ -119,7 +117,7 @@ class Other(Group):
 
     def getScript(self, *_arguments: Any) -> int:
         """Return a handle for `callScriptFunction`, the same for every script."""
-        return _SCRIPT
+        return 1_010_000
 
     def callScriptFunction(self, name: Any, script: Any = None, *arguments: Any) -> Any:
         """Call a function of the class that `functions` of the gateway names, not one in Lua."""

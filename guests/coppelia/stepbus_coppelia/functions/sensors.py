@@ -144,8 +144,8 @@ class Sensors(Group):
         """Return the nearest points of two entities within a distance [m], and both handles."""
         first, second = self._shapes(one), self._shapes(other)
         links = None if second is None else [shape.link for shape in second]
-        everything = [o for o in self.sim.scene.objects.values() if o.kind == SHAPE]
-        own = [shape.link for shape in (everything if first is None else first) if shape.link]
+        shapes = self.sim.scene.objects.values() if first is None else first
+        own = [shape.link for shape in shapes if shape.kind == SHAPE and shape.link]
         near = [row for link in own for row in self.sim.scene.engine.closest(link, within)]
         rows = [row for row in near if links is None or row.other in links]
         found = min(rows, key=lambda contact: contact.distance, default=None)

@@ -115,11 +115,10 @@ class Simulation(Group):
         known = {"path_and_name": str(file), "name": file.name, "path": str(file.parent)}
         return str(self._param("stringparam_scene_", parameter, known, ""))
 
-    def getArrayParam(self, parameter: int) -> list[float]:
+    def getArrayParam(self, parameter: int) -> Any:
         """Return a parameter, such as gravity."""
         known = {"gravity": list(self.sim.scene.physics.world.gravity)}
-        found: list[float] = self._param("arrayparam_", parameter, known, [0.0, 0.0, 0.0])
-        return found
+        return self._param("arrayparam_", parameter, known, [0.0, 0.0, 0.0])
 
     def _param(self, kind: str, parameter: int, known: Any, default: Any) -> Any:
         own = {CONSTANTS[kind + name]: value for name, value in known.items()}
@@ -148,7 +147,6 @@ class Simulation(Group):
 def _mapped(table: Any, file: str, what: str) -> Any:
     name = PurePath(str(file).replace("\\", "/")).name
     if name not in table:
-        raise ApiError(
-            f"{name!r} is a file of CoppeliaSim; map it to {what} of the gateway in the scenario."
-        )
+        why = f"{name!r} is a file of CoppeliaSim; map it to {what} of the gateway in the scenario."
+        raise ApiError(why)
     return table[name]

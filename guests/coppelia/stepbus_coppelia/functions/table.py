@@ -37,9 +37,6 @@ CONSTANTS = {word.split("=")[0]: int(word.split("=")[1]) for word in _NUMBERS.sp
 """CoppeliaSim's numbers, by name without `sim.`."""
 
 
-# --- what scripts give ---------------------------------------------------------------------------
-
-
 def number(value: object) -> float:
     """Return a finite number that a script has given; raises ApiError."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
@@ -53,9 +50,6 @@ def numbers(values: object, *counts: int) -> list[float]:
         sizes = " or ".join(map(str, counts)) or "some"
         raise ApiError(f"expected a list of {sizes} numbers, not {values!r}.")
     return [number(value) for value in values]
-
-
-# --- CoppeliaSim's angles and matrices -----------------------------------------------------------
 
 
 def euler(turn: Quaternion) -> list[float]:
