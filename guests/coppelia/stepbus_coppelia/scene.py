@@ -345,10 +345,9 @@ class Scene:
         elif thing.is_root:
             self.engine.put(thing.link[0], pose)
         else:
-            raise ApiError(
-                f"{self.path(thing)} is a link of {self.path(self.of((thing.link[0], BASE)))}, "
-                "which only its joints move; move that object instead"
-            )
+            what = f"{self.path(thing)} is a link of {self.path(self.of((thing.link[0], BASE)))}"
+            text = "which only its joints move; move that object instead"
+            raise ApiError(f"{what}, {text}")
 
 
 def relative(frame: Pose, pose: Pose) -> Pose:
