@@ -105,16 +105,13 @@ class Scene:
             self._add_body(number, body)
         lens = Lens(CameraErrors(), 0)
         for name, row in physics.world.cameras.items():
-            link = physics.links[row.link]
+            link = self._link(row.link)
             camera = Camera(name, row, link, self.engine, lens)
             # CoppeliaSim's sensor looks along z with x to the left and y up.
             turn: Pose = (REST, (0.0, 0.0, 1.0, 0.0))
             self._add(VISION, name, name, self._by_link[link], link=link, pose=turn, camera=camera)
         for name, sensor in self._sensors.items():
-            if sensor.link not in physics.links:
-                known = f"{sensor.link!r} is unknown{suggest(sensor.link, physics.links)}"
-                raise ApiError(f"proximity_sensors: link {known}")
-            link = physics.links[sensor.link]
+            link = self._link(sensor.link)
             pose = (sensor.position, quaternion(sensor.orientation_rpy))
             above = self._by_link[link]
             self._add(PROXIMITY, name, name, above, link=link, pose=pose, sensor=sensor)
@@ -164,6 +161,12 @@ class Scene:
         if kind == SHAPE and made.link is not None:
             self._by_link[made.link] = made
         return made
+
+    def _link(self, name: str) -> Link:
+        if (link := self.physics.links.get(name)) is None:
+            known = suggest(name, self.physics.links)
+            raise ApiError(f"proximity_sensors: link {name!r} is unknown{known}")
+        return link
 
     def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:
         """Add an object without a body, such as a frame or a mark."""
@@ -345,10 +348,9 @@ class Scene:
         elif thing.is_root:
             self.engine.put(thing.link[0], pose)
         else:
-            raise ApiError(
-                f"{self.path(thing)} is a link of {self.path(self.of((thing.link[0], BASE)))}, "
-                "which only its joints move; move that object instead"
-            )
+            what = f"{self.path(thing)} is a link of {self.path(self.of((thing.link[0], BASE)))}"
+            text = "which only its joints move; move that object instead"
+            raise ApiError(f"{what}, {text}")
 
 
 def relative(frame: Pose, pose: Pose) -> Pose:

@@ -142,16 +142,13 @@ def _urdf(name: str, shape: Primitive) -> Iterator[str]:
     """Yield the text of a model of one link."""
     x, y, z = shape.size
     # What shows it, and the moments of a solid of even density, over its mass.
+    box = (y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12
+    across = x * x / 16 + z * z / 12
+    rod = f'<cylinder radius="{x / 2}" length="{z}"/>'
     form, moments = {
-        "box": (
-            f'<box size="{x} {y} {z}"/>',
-            ((y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12),
-        ),
+        "box": (f'<box size="{x} {y} {z}"/>', box),
         "sphere": (f'<sphere radius="{x / 2}"/>', (x * x / 10,) * 3),
-        "cylinder": (
-            f'<cylinder radius="{x / 2}" length="{z}"/>',
-            (*(x * x / 16 + z * z / 12,) * 2, x * x / 8),
-        ),
+        "cylinder": (rod, (across, across, x * x / 8)),
     }[shape.kind]
     mass, (xx, yy, zz) = shape.mass, (moment * shape.mass for moment in moments)
     red, green, blue = shape.colour

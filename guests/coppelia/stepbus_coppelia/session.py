@@ -465,10 +465,9 @@ class Session:
             held_s = time.monotonic() - self._begun_s
             is_late = self.state != PAUSED and held_s > self.params.client_timeout_ns * 1e-9
             if is_late and holders:
-                raise ScriptFailed(
-                    f"{holders[0].name} steps the simulation, and has not asked for a step for "
-                    f"{held_s:.0f} s; if it needs that long, set --client-timeout"
-                )
+                who = f"{holders[0].name} steps the simulation, and has not asked for a step"
+                hint = "if it needs that long, set --client-timeout"
+                raise ScriptFailed(f"{who} for {held_s:.0f} s; {hint}")
             self.is_ending = self.is_ending or is_late
             return _TICK_S
         return 0.0 if stepping else self._due_s - time.monotonic()

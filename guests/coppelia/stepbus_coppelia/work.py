@@ -35,12 +35,8 @@ from stepbus_schemas import WiringError
 
 GATEWAY = "stepbus_coppelia:Gateway"
 PLANT, SCENE_PLANT = "stepbus_plant:Plant", "stepbus_coppelia.plant:ScenePlant"
-_OUTPUTS = {
-    CHANGES: "SceneChange/1",
-    DRAWINGS: "Drawings/1",
-    CALLS: "RemoteCalls/1",
-    EVENTS: "Event/1",
-}
+_OUTPUTS = {CHANGES: "SceneChange/1", DRAWINGS: "Drawings/1"}
+_OUTPUTS |= {CALLS: "RemoteCalls/1", EVENTS: "Event/1"}
 _SLACK_NS = 5_000_000_000
 """By which the deadline of the gateway is longer than that of its clients [ns]."""
 
@@ -74,17 +70,13 @@ class Stage:
         files = {word: Path(word).absolute() for word in words if Path(word).is_file()}
         paths = [str(files.get(word, word)) for word in words]
         command = [named_from(loaded.folder, "script.command", word) for word in paths]
-        if program:
-            command.insert(0, f"{ENV}{program}" if "/" in program else program)
+        first = f"{ENV}{program}" if "/" in program else program
+        command = [first, *command] if program else []
         # What a script imports is beside it.
         near = [(os.path.relpath(p.parent, loaded.folder), p.suffix) for p in files.values()][:1]
         beside = [f"{folder}/*{suffix}" for folder, suffix in near]
         self._files = [*rows.get(self.name, {}).get("files", []), *beside]
-        options = {
-            "command": command if program else [],
-            "client_timeout": given.client_timeout,
-            "start": given.start,
-        }
+        options = {"command": command, "client_timeout": given.client_timeout, "start": given.start}
         self._params: dict[str, Any] = {
             **before,
             **{key: value for key, value in options.items() if value},

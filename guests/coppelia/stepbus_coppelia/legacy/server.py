@@ -60,29 +60,67 @@ class _Command(NamedTuple):
     failed: bool = False
 
 
-class _Inbox:
-    """What has arrived from a client."""
+def _packets(origin: _Origin, time_ms: int, state: int, answers: Sequence[_Command]) -> bytes:
+    """Return an answer to a message. time_ms: simulation time. state: bits of the header."""
+    parts = [_HEADER.pack(0, _VERSION, *origin, time_ms, 0, state)]
+    for number, mode, name, data, _, failed in answers:
+        size, code = _COMMAND.size + len(name) + len(data), number | mode << 16
+        head = _COMMAND.pack(size, size, len(name), 0, code, 0, time_ms, failed, 0)
+        parts += head, name, data
+    whole, length = b"".join(parts), _LONGEST_PACKET - _PACKET.size
+    chunks = [whole[start : start + length] for start in range(0, len(whole), length)]
+    rows = zip(chunks, range(len(chunks) - 1, -1, -1), strict=True)
+    return b"".join(_PACKET.pack(1, len(chunk), left) + chunk for chunk, left in rows)
 
-    def __init__(self) -> None:
-        self.bytes = bytearray()
-        self._message = bytearray()
+
+class _Connection(Client):
+    """A client, its streams and what is to be sent to it. held: the message not yet answered."""
+
+    def __init__(self, simulator: Simulator, link: socket.socket, name: str) -> None:
+        super().__init__(name)
+        self._simulator, self.link, self.out = simulator, link, bytearray()
+        self.held: _Origin | None = None
+        self.has_finished = False
+        self._arrived, self._whole = bytearray(), bytearray()
         self._parts: dict[tuple[int, bytes], bytearray] = {}
+        self._answers: list[_Command] = []
+        # the command, when it was last sent [s], before 0: not yet, and whether it is heavy
+        self._streams: dict[tuple[int, bytes], tuple[_Command, float, bool]] = {}
+        self._room = _MOST_BYTES
+        self._errors: deque[bytes] = deque(maxlen=50)
 
-    def message(self) -> tuple[_Origin, list[_Command]] | None:
+    def read(self) -> None:
+        """Take what has arrived. Raises _FrameError at its end, OSError."""
+        if not (data := self.link.recv(_CHUNK)):
+            raise _FrameError("has closed its connection")
+        # It sends a long message in pieces, each after word of the last.
+        self.link.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
+        self._arrived += data
+
+    def serve(self) -> None:
+        """Answer what was read, while nothing waits and all can be sent. Raises _FrameError."""
+        self._send()
+        while not self.held and not self.out and (message := self._message()):
+            self.held, commands = message
+            waits = [self._run(command) for command in commands if not self.has_finished]
+            if not any(waits):
+                self.answer()
+
+    def _message(self) -> tuple[_Origin, list[_Command]] | None:
         """Return the next message, if it is complete. Raises _FrameError."""
-        while len(self.bytes) >= _PACKET.size:
-            one, size, follow = _PACKET.unpack_from(self.bytes)
+        while len(self._arrived) >= _PACKET.size:
+            one, size, follow = _PACKET.unpack_from(self._arrived)
             if one != 1:
                 raise _FrameError(f"sent a packet that starts with {one} instead of 1")
             end = _PACKET.size + size
-            if len(self.bytes) < end:
+            if len(self._arrived) < end:
                 break
-            self._message += self.bytes[_PACKET.size : end]
-            del self.bytes[:end]
-            if len(self._message) > _MOST_BYTES:
+            self._whole += self._arrived[_PACKET.size : end]
+            del self._arrived[:end]
+            if len(self._whole) > _MOST_BYTES:
                 raise _FrameError(f"sent a message of more than {_MOST_BYTES} bytes")
             if not follow:
-                message, self._message = bytes(self._message), bytearray()
+                message, self._whole = bytes(self._whole), bytearray()
                 if len(message) < _HEADER.size:
                     raise _FrameError(f"sent a message of {len(message)} bytes")
                 return _HEADER.unpack_from(message)[2:4], list(self._commands(message))
@@ -116,52 +154,6 @@ class _Inbox:
         if sum(map(len, self._parts.values())) > _MOST_BYTES or len(self._parts) > _MOST_PARTS:
             raise _FrameError(f"sent more than {_MOST_BYTES} bytes of incomplete commands")
         return len(part) + len(key[1]) + _COMMAND.size >= whole
-
-
-def _packets(origin: _Origin, time_ms: int, state: int, answers: Sequence[_Command]) -> bytes:
-    """Return an answer to a message. time_ms: simulation time. state: bits of the header."""
-    parts = [_HEADER.pack(0, _VERSION, *origin, time_ms, 0, state)]
-    for number, mode, name, data, _, failed in answers:
-        size, code = _COMMAND.size + len(name) + len(data), number | mode << 16
-        head = _COMMAND.pack(size, size, len(name), 0, code, 0, time_ms, failed, 0)
-        parts += head, name, data
-    whole, length = b"".join(parts), _LONGEST_PACKET - _PACKET.size
-    chunks = [whole[start : start + length] for start in range(0, len(whole), length)]
-    rows = zip(chunks, range(len(chunks) - 1, -1, -1), strict=True)
-    return b"".join(_PACKET.pack(1, len(chunk), left) + chunk for chunk, left in rows)
-
-
-class _Connection(Client):
-    """A client, its streams and what is to be sent to it. held: the message not yet answered."""
-
-    def __init__(self, simulator: Simulator, link: socket.socket, name: str) -> None:
-        super().__init__(name)
-        self._simulator, self.link, self.out = simulator, link, bytearray()
-        self.held: _Origin | None = None
-        self.has_finished = False
-        self._inbox = _Inbox()
-        self._answers: list[_Command] = []
-        # the command, when it was last sent [s], before 0: not yet, and whether it is heavy
-        self._streams: dict[tuple[int, bytes], tuple[_Command, float, bool]] = {}
-        self._room = _MOST_BYTES
-        self._errors: deque[bytes] = deque(maxlen=50)
-
-    def read(self) -> None:
-        """Take what has arrived. Raises _FrameError at its end, OSError."""
-        if not (data := self.link.recv(_CHUNK)):
-            raise _FrameError("has closed its connection")
-        # It sends a long message in pieces, each after word of the last.
-        self.link.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
-        self._inbox.bytes += data
-
-    def serve(self) -> None:
-        """Answer what was read, while nothing waits and all can be sent. Raises _FrameError."""
-        self._send()
-        while not self.held and not self.out and (message := self._inbox.message()):
-            self.held, commands = message
-            waits = [self._run(command) for command in commands if not self.has_finished]
-            if not any(waits):
-                self.answer()
 
     def answer(self) -> None:
         """Answer the message that was held, with what is streamed. Raises _FrameError, OSError."""
