@@ -94,8 +94,8 @@ class Group:
     mode: str
     dt: float
 
-    def command(self, controls: Mapping[str, Control], scene: Scene) -> JointCommand | None:
-        """Return the command of all its joints, if one of them is new."""
+    def command(self, controls: Mapping[str, Control], scene: Scene) -> JointCommand:
+        """Return the command of all its joints, of which one is new."""
         rows, moving = [controls[name] for name in self.names], self.mode == "velocity"
         for row in rows:
             # A velocity towards a position is another one at each step.

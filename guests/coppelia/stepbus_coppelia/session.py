@@ -1,5 +1,6 @@
 """A script's session: its clients, its calls, and the steps that it lets the run make."""
 
+import copy
 import math
 import os
 import struct
@@ -360,7 +361,7 @@ class Session:
             self._settle()
             self.state, self.step, self.time, self.runs = FIRST, 0, 0.0, self.runs + 1
             self._kept = set(self.scene.objects)
-            self.changes = self.initial
+            self.changes = copy.deepcopy(self.initial)
             for control in self.controls.values():
                 control.is_new = True
         self._due_s = time.monotonic()

@@ -301,6 +301,8 @@ def test_what_runs_is_restored_when_it_stops(sim):
     # What was changed before the simulation is its first change.
     first = sim.state.changes.fields()
     assert (first["joints"], first["bodies"]) == (["arm"], ["rover"])
+    # A change from now on is of this simulation only, also before its first step.
+    sim.setJointPosition(arm, 1.0)
     state = JointState(position=[0.0, 1.5, 0.0], velocity=[0.0] * 3, effort=[0.0, 2.0, 0.0])
     sim.state.take(1, state, None)
     dummy = sim.createDummy(0.1)
