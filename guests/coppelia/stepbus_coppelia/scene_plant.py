@@ -1,7 +1,10 @@
 """A plant whose bodies and joints a script may put somewhere, and that says where they are."""
 
+import atexit
 import dataclasses
+import shutil
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 from types import SimpleNamespace
@@ -11,7 +14,7 @@ import msgspec
 
 from stepbus_coppelia.messages import SceneChange
 from stepbus_coppelia.plant import BODIES, CHANGES, Primitive, SceneParams
-from stepbus_participant import CallError, Config, InvalidInput, Problems, Step
+from stepbus_participant import CallError, Config, InvalidInput, Problems, Step, scratch_folder
 from stepbus_plant import Plant, World
 from stepbus_plant.engine import BASE, Link
 from stepbus_plant.geometry import Pose
@@ -121,7 +124,7 @@ def scene_world(world: World, params: SceneParams) -> World:
     if not (params.primitives or params.models or params.masses):
         return world
     bodies, items = {**world.bodies, **params.models}, dict[str, Any](world.items)
-    folder = Path(mkdtemp(prefix="stepbus-shapes-")) if params.primitives else Path()
+    folder = _folder() if params.primitives else Path()
     for name, shape in params.primitives.items():
         urdf = folder / f"{name}.urdf"
         urdf.write_text("".join(_urdf(name, shape)), encoding="utf-8")
@@ -136,6 +139,14 @@ def scene_world(world: World, params: SceneParams) -> World:
         rubs = {"friction": lateral, "spinning_friction": friction.spinning or 0.0}
         items[name] = SimpleNamespace(**own, **where, **rubs)
     return msgspec.structs.replace(world, bodies=bodies, items=items)
+
+
+@cache
+def _folder() -> Path:
+    """Return a folder for models, which ends with the run, or with this process."""
+    folder = mkdtemp(prefix="stepbus-shapes-", dir=scratch_folder())
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _urdf(name: str, shape: Primitive) -> Iterator[str]:

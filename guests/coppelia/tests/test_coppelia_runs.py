@@ -156,6 +156,19 @@ def test_a_second_simulation_is_a_run_of_its_own(start, tmp_path):
     assert names[0] == names[1]
 
 
+def test_shapes_of_a_script_are_bodies_and_leave_no_files(start, tmp_path, monkeypatch):
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    cube = "cube = sim.createPureShape(0, 8, [0.1, 0.1, 0.1], 1)\n"
+    cube += "sim.setObjectPosition(cube, [0, 0.5, 2])\n"
+    seen = "print('z', sim.getObjectPosition(cube)[2], flush=True)\nsim.stopSimulation()"
+    out, _ = end(start(SCRIPT + cube + STEPS.replace("sim.stopSimulation()", seen), "--out", "one"))
+    # It has fallen for 0.2 s.
+    assert float(out.split("z ")[1].split()[0]) == pytest.approx(2 - 9.81 * 0.2**2 / 2, abs=0.01)
+    assert "byte for byte" in stepbus(tmp_path, "rerun", "one", "--out", "again", "--trust")
+    assert list((tmp_path / "tmp").iterdir()) == []
+
+
 def test_without_stepping_it_keeps_to_the_clock(start):
     text = SCRIPT + (
         "import time\nsim.startSimulation()\nbegun = time.monotonic()\n"
