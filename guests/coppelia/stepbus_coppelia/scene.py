@@ -95,6 +95,7 @@ class Scene:
         """Take a copy of the world; objects that were there before keep their handles."""
         self.physics, self.engine = physics, physics.engine
         self._by_link: dict[Link, SceneObject] = {}
+        self._built: set[int] = set()
         self._bodies: BodyStates | None = None
         self._is_stale = False
         self.joint_index = {name: index for index, name in enumerate(physics.joints)}
@@ -105,16 +106,20 @@ class Scene:
             self._add_body(number, body)
         lens = Lens(CameraErrors(), 0)
         for name, row in physics.world.cameras.items():
-            link = self._link(row.link)
+            link = self._link(row.link, f"camera {name}")
             camera = Camera(name, row, link, self.engine, lens)
             # CoppeliaSim's sensor looks along z with x to the left and y up.
             turn: Pose = (REST, (0.0, 0.0, 1.0, 0.0))
             self._add(VISION, name, name, self._by_link[link], link=link, pose=turn, camera=camera)
         for name, sensor in self._sensors.items():
-            link = self._link(sensor.link)
+            link = self._link(sensor.link, f"proximity_sensors: {name}")
             pose = (sensor.position, quaternion(sensor.orientation_rpy))
             above = self._by_link[link]
             self._add(PROXIMITY, name, name, above, link=link, pose=pose, sensor=sensor)
+        for thing in list(self.objects.values()):
+            # What another world had.
+            if thing.link is not None and thing.handle not in self._built:
+                self.remove(thing)
         self._start = [self.engine.frame((n, BASE)) for n in range(len(physics.bodies))]
 
     def reset(self) -> None:
@@ -156,16 +161,17 @@ class Scene:
             made = SceneObject(self._next, kind, alias, name, above)
             self._next += 1
             self.objects[made.handle] = self._by_name[kind, name] = made
+        self._built.add(made.handle)
         for key, value in fields.items():
             setattr(made, key, value)
         if kind == SHAPE and made.link is not None:
             self._by_link[made.link] = made
         return made
 
-    def _link(self, name: str) -> Link:
+    def _link(self, name: str, whose: str) -> Link:
         if (link := self.physics.links.get(name)) is None:
             known = suggest(name, self.physics.links)
-            raise ApiError(f"proximity_sensors: link {name!r} is unknown{known}")
+            raise ApiError(f"{whose}: link {name!r} is unknown{known}")
         return link
 
     def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:
@@ -208,7 +214,8 @@ class Scene:
         `/a/b`, `./a`, `../a`, `a[1]`, `a{1}`, `*`: each part is looked for in the whole tree below
         the part before it, level by level; `[1]` counts siblings, `{1}` all that fit.
         """
-        if (named := self._paths.get(path.strip("/"))) is not None and index == 0:
+        named = self._paths.get(path.strip("/"))
+        if named is not None and named.handle in self.objects and index == 0:
             return named.handle
         if path[:1] not in ("/", ".", ":"):
             return -1

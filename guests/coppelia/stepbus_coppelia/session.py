@@ -24,7 +24,7 @@ from stepbus_coppelia.scene import JOINT, Scene, SceneObject
 from stepbus_plant.geometry import Pose
 from stepbus_plant.joint import Joint
 from stepbus_plant.physics import Physics
-from stepbus_schemas import JointCommand, JointState, RunError
+from stepbus_schemas import JointCommand, JointState, RunError, WiringError
 
 STOPPED, PAUSED, FIRST, RUNNING = 0, 8, 16, 17
 """Numbers of `sim.simulation_*`."""
@@ -257,6 +257,8 @@ class Session:
 
     def make_shape(self, kind: str, size: list[float]) -> int:
         """Make a box, sphere or cylinder [m]; return its handle."""
+        if min(size) <= 0.0:
+            raise ApiError(f"sizes must be above 0 m, not {min(size):g}.")
         (alias, part), known = _FORMS[kind], self.edits.primitives
         mass = _DENSITY * (size[0] * size[1] * size[2] * part)
         made = self._add_body(alias, known, known, {"kind": kind, "size": size, "mass": mass})
@@ -265,8 +267,10 @@ class Session:
 
     def load_model(self, urdf: str, name: str) -> int:
         """Add a body from a model file; return its handle."""
-        taken = {*self.edits.models, *self.scene.physics.bodies}
-        return self._add_body(name, taken, self.edits.models, {"urdf": urdf}).handle
+        known = self.edits.models
+        made = self._add_body(name, {*known, *self.scene.physics.bodies}, known, {"urdf": urdf})
+        self._show(lambda: self.remove(made))
+        return made.handle
 
     def _add_body(
         self, stem: str, taken: Collection[str], rows: dict[str, Any], row: dict[str, Any]
@@ -280,6 +284,11 @@ class Session:
     def shape_changed(self, handle: int, **changes: Any) -> None:
         """Change the mass [kg], colour, or other keys of `Primitive` of a shape."""
         thing, edits = self.scene.get(handle), self.edits
+        if changes.get("mass", 1.0) <= 0.0:
+            raise ApiError(f"the mass must be above 0 kg, not {changes['mass']:g}.")
+        is_made = thing.name in edits.primitives
+        if "mass" in changes and not (is_made or self._is_one_link(thing)):
+            raise ApiError(f"{self.scene.path(thing)} is a robot, whose masses are in its model.")
         if self.is_running and changes.keys() == {"mass"}:
             text = f"{self.scene.path(thing)} has its new mass from the next simulation on"
             self.logged.append(("warning", text))
@@ -293,6 +302,14 @@ class Session:
         # While it runs, the scene shows the bodies of the plant, which has begun.
         is_new = edits.is_new or row is not None or "mass" in changes
         edits.is_new = is_new and not self.is_running
+
+    def _is_one_link(self, thing: SceneObject) -> bool:
+        """Return whether an object is a body of one link with a mass, as an item of a world is."""
+        if not thing.is_root or thing.link is None:
+            return False
+        robot = self.scene.physics.robots[thing.link[0]]
+        inertial = robot.links[robot.root].inertial
+        return len(robot.links) == 1 and inertial is not None and inertial.mass > 0.0
 
     def remove(self, thing: SceneObject) -> None:
         """Remove what the script has made."""
@@ -310,8 +327,25 @@ class Session:
     def load_scene(self, world: str) -> None:
         """Take another world; empty: that of the scenario."""
         self._must_be_stopped()
-        self.edits = Edits(self.edits.opened, world, is_new=True)
-        self.initial = Changes()
+        before = self.edits, self.initial
+        self.edits, self.initial = Edits(before[0].opened, world, is_new=True), Changes()
+
+        def undo() -> None:
+            self.edits, self.initial = before
+
+        self._show(undo)
+
+    def _show(self, undo: Callable[[], object]) -> None:
+        """Let the scene show a change at once, or undo it; raises ApiError, which says why not."""
+        before = self.scene.physics
+        try:
+            self._settle()
+        except (ApiError, WiringError) as exc:
+            undo()
+            self.edits.is_new = False
+            if self.scene.physics is not before:
+                self.scene.build(before)
+            raise ApiError(str(exc)) from exc
 
     def _must_be_stopped(self) -> None:
         if self.is_running:
@@ -412,10 +446,9 @@ class Session:
     def commands(self) -> dict[str, JointCommand]:
         """Return the commands of this step, by port: those that are new."""
         return {
-            port: made
+            port: group.command(self.controls, self.scene)
             for port, group in self.groups.items()
             if any(self.controls[name].is_new for name in group.names)
-            and (made := group.command(self.controls, self.scene)) is not None
         }
 
     def serve_until_started(self) -> bool:
@@ -464,9 +497,11 @@ class Session:
         # When the last one has left, it is awaited how its script ends.
         if self.state == PAUSED or holders or (self.has_clients and not self.clients):
             held_s = time.monotonic() - self._begun_s
-            is_late = self.state != PAUSED and held_s > self.params.client_timeout_ns * 1e-9
-            if is_late and holders:
-                who = f"{holders[0].name} steps the simulation, and has not asked for a step"
+            is_late = held_s > self.params.client_timeout_ns * 1e-9
+            if is_late and (holders or self.state == PAUSED):
+                who = "the simulation has been paused"
+                if self.state != PAUSED:
+                    who = f"{holders[0].name} steps the simulation, and has not asked for a step"
                 hint = "if it needs that long, set --client-timeout"
                 raise ScriptFailed(f"{who} for {held_s:.0f} s; {hint}")
             self.is_ending = self.is_ending or is_late

@@ -433,6 +433,42 @@ def test_files_of_coppeliasim_are_mapped_or_named(sim):
         sim.loadScene("C:\\scenes\\robot.ttt")
 
 
+def test_another_world_takes_the_place_of_the_first(sim, folder):
+    (folder / "other.yaml").write_text("bodies: {box: {urdf: box.urdf, fixed_base: true}}\n")
+    (folder / "bad.yaml").write_text("bodies: {box: {urdf: nothing.urdf}}\n")
+    sim.state.params.scenes.update({"bad.ttt": "bad.yaml", "other.ttt": "other.yaml"})
+    sim.state.params.models.update({"bad.ttm": "nothing.urdf", "box.ttm": "box.urdf"})
+    sim.state.params.proximity_sensors.clear()
+    arm, box = sim.getObject("/arm"), sim.getObject("/box")
+    for call in (lambda: sim.loadScene("bad.ttt"), lambda: sim.loadModel("bad.ttm")):
+        with pytest.raises(ApiError, match=r"nothing\.urdf"):
+            call()
+        # Nothing has changed.
+        assert sim.getObjectPosition(box) == pytest.approx([2, 0, 0.5])
+        assert sim.state.edits.params() == {}
+    model = sim.loadModel("/models/box.ttm")
+    assert sim.getObjectAlias(model) == "box0"
+    assert sim.loadScene("/a/other.ttt") == 1
+    assert sim.getObjectPosition(box) == pytest.approx([0, 0, 0])
+    assert [sim.isHandle(handle) for handle in (arm, box, model)] == [False, True, False]
+    assert sim.getObject("/OldArm", {"noError": True}) == -1
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda sim: sim.createPureShape(0, 8, [0.1, 0.0, 0.1], 1), "sizes must be above 0 m"),
+        (lambda sim: sim.createPureShape(0, 8, [0.1, 0.1, 0.1], -1), "mass must be above 0 kg"),
+        (lambda sim: sim.setShapeMass(sim.getObject("/rover"), 2), "is a robot, whose masses"),
+    ],
+    ids=["size", "mass", "robot"],
+)
+def test_shapes_that_cannot_be_are_refused(sim, call, says):
+    with pytest.raises(ApiError, match=says):
+        call(sim)
+    sim.startSimulation()
+
+
 def test_unknown_functions_are_counted(sim):
     with pytest.raises(ApiError, match=r"in sim.simulateBananas: this function is not available"):
         sim.simulateBananas(1)
