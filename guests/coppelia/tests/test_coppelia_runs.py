@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import mini
@@ -157,8 +158,9 @@ def test_a_second_simulation_is_a_run_of_its_own(start, tmp_path):
 
 
 def test_shapes_of_a_script_are_bodies_and_leave_no_files(start, tmp_path, monkeypatch):
-    (tmp_path / "tmp").mkdir()
-    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    # Sockets are in there, too, so its name is short.
+    scratch = tempfile.TemporaryDirectory()
+    monkeypatch.setenv("TMPDIR", scratch.name)
     cube = "cube = sim.createPureShape(0, 8, [0.1, 0.1, 0.1], 1)\n"
     cube += "sim.setObjectPosition(cube, [0, 0.5, 2])\n"
     seen = "print('z', sim.getObjectPosition(cube)[2], flush=True)\nsim.stopSimulation()"
@@ -166,7 +168,8 @@ def test_shapes_of_a_script_are_bodies_and_leave_no_files(start, tmp_path, monke
     # It has fallen for 0.2 s.
     assert float(out.split("z ")[1].split()[0]) == pytest.approx(2 - 9.81 * 0.2**2 / 2, abs=0.01)
     assert "byte for byte" in stepbus(tmp_path, "rerun", "one", "--out", "again", "--trust")
-    assert list((tmp_path / "tmp").iterdir()) == []
+    assert list(Path(scratch.name).iterdir()) == []
+    scratch.cleanup()
 
 
 def test_without_stepping_it_keeps_to_the_clock(start):
