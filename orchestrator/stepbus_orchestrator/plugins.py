@@ -5,7 +5,7 @@ The core names no tool: it asks for a group, and the installed tools answer.
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -24,6 +24,11 @@ RERUNS = "stepbus.reruns"
 
 OVERLAYS = "stepbus.overlays"
 """Message type → `(viser scene, path, message, poses) -> handles` of what a page shows of it."""
+
+SCENARIO_FILES = "stepbus.scenario_files"
+"""Ending such as `.fmu` → `(path) -> data` of the scenario that a file of another tool stands for."""
+ABOUT = "stepbus.about"
+"""A participant's class → `(participant, scenario) -> lines` that `stepbus describe` adds."""
 
 _FILE = "entry_points.txt"
 
@@ -113,6 +118,13 @@ def _parsed(text: str) -> Iterator[EntryPoint]:
         elif line and not line.startswith("#"):
             name, _, value = line.partition("=")
             yield EntryPoint(name.strip(), value.strip(), group)
+
+
+def scenario_reader(file: str) -> "Callable[[Path], dict[str, Any]] | None":
+    """Return what makes scenarios of files with the ending of this one; None of any other."""
+    name = os.path.splitext(file)[1]  # noqa: PTH122  (a name need not be a path)
+    point = named_points(SCENARIO_FILES).get(name) if name else None
+    return None if point is None else point.load()
 
 
 def view(name: str) -> Any:

@@ -31,6 +31,7 @@ EXTRAS = {
     "sweep": ("optuna", "scipy", "uplot"),
     "cluster": ("ray",),
     "coppelia": ("cbor2", "zmq"),
+    "fmi": ("fmpy", "pint", "pythonfmu", "pythonfmu3"),
     "rerun": ("rerun",),
     "view": ("collada", "trimesh", "viser"),
     "gym": ("gymnasium",),

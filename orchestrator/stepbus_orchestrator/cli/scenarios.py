@@ -14,11 +14,12 @@ from stepbus_orchestrator.cli import commands
 from stepbus_orchestrator.cli.commands import Describe, Validate
 from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.terminal.output import Answer, table
-from stepbus_orchestrator.plugins import view
+from stepbus_orchestrator.plugins import ABOUT, named_points, view
 from stepbus_orchestrator.processes.slots import slot_counts
 from stepbus_orchestrator.run.describe import JointRow, OutputPort, ParticipantDescription, describe
 from stepbus_orchestrator.run.rehearse import rehearse
 from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import load_types
 from stepbus_participant.parameters import is_file_name, read_yaml
@@ -81,12 +82,18 @@ def describe_command(given: Describe) -> Answer:
             for one in described
         }
         return Answer(value=described, lines=[view("wiring")(loaded, said, *given.graph)])
-    return Answer(value=described, lines=_described(described))
+    return Answer(value=described, lines=_described(loaded, described))
 
 
-def _described(described: list[ParticipantDescription]) -> Iterator[str | Table]:
+def _described(
+    scenario: Scenario, described: list[ParticipantDescription]
+) -> Iterator[str | Table]:
+    about = named_points(ABOUT)
     for participant in described:
         yield participant.participant
+        spec = scenario.participant(participant.participant)
+        if spec.participant in about:
+            yield from about[spec.participant].load()(spec, scenario)
         for item in participant.inputs:
             delay = f", {item.delay} steps old" if item.delay else ""
             yield f"  input   {item.port}: {item.type} from {item.source}{delay}"

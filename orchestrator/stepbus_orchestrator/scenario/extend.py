@@ -7,10 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.plugins import scenario_reader
 from stepbus_orchestrator.scenario.locate import builtin_names, locate_from, package_url
 from stepbus_orchestrator.scenario.scenario_files import is_file
 from stepbus_participant import SettingsError, file_in, suggest
-from stepbus_participant.parameters import Keys, YamlFile, read_yaml, show
+from stepbus_participant.parameters import Keys, YamlFile, fatal, read_yaml, show
+from stepbus_schemas import WiringError
 
 _KEY = "extends"
 _EXPECTED = "a scenario needs at least name, step and participants"
@@ -27,7 +29,7 @@ def read_extended(path: Path) -> YamlFile:
 
 
 def _read(path: Path, file: str, above: tuple[Path, ...]) -> YamlFile:
-    document = read_yaml(path, _EXPECTED, file=file)
+    document = _read_one(path, file)
     if _KEY not in document.data:
         return document
     name = document.data[_KEY]
@@ -49,6 +51,19 @@ def _read(path: Path, file: str, above: tuple[Path, ...]) -> YamlFile:
     )
 
 
+def _read_one(path: Path, file: str) -> YamlFile:
+    """Read a scenario file: YAML, or what another package makes a scenario of."""
+    read = scenario_reader(path.name)
+    if read is None:
+        return read_yaml(path, _EXPECTED, file=file)
+    try:
+        return YamlFile(file=file, data=read(path), places={})
+    except SettingsError:
+        raise
+    except WiringError as exc:
+        raise fatal(file, str(exc)) from exc
+
+
 def chain(path: Path) -> list[Path]:
     """Return a scenario file, and those it extends, as far as they can be read."""
     found: list[Path] = []
@@ -56,7 +71,7 @@ def chain(path: Path) -> list[Path]:
     while base is not None and base.resolve() not in found:
         found.append(base.resolve())
         try:
-            name = read_yaml(base, _EXPECTED).data.get(_KEY)
+            name = _read_one(base, base.name).data.get(_KEY)
         except SettingsError:
             break
         base = locate_from(name, base.parent) if isinstance(name, str) and name else None

@@ -12,6 +12,7 @@ from stepbus_orchestrator.errors import ScenarioError
 from stepbus_orchestrator.scenario.check import check
 from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.fault_texts import add_faults, parse_fault
+from stepbus_orchestrator.scenario.foreign import with_participants
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_orchestrator.scenario.model import (
     FaultSpec,
@@ -57,6 +58,7 @@ def load(
             path = locate(scenario)
             document = read_extended(path)
         document, named = override(document, overrides, path.parent)
+        document = with_participants(document, path.parent)
         if faults:
             document = add_faults(document, faults)
         problems = document.problems()

@@ -12,6 +12,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.plugins import scenario_reader
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import file_in, read_file
 from stepbus_participant.parameters import Keys
@@ -57,7 +58,9 @@ class Files:
 def find_files(scenario: Scenario) -> Files:
     """Return the files of a scenario."""
     files = Files(folder=scenario.folder)
-    _take_folder(files, is_declared=any(spec.files for spec in scenario.participants))
+    # Beside a file of another tool may be anything.
+    if scenario_reader(scenario.file.name) is None:
+        _take_folder(files, is_declared=any(spec.files for spec in scenario.participants))
     for keys, text, is_program in _texts(scenario):
         if path := _named(files, keys, text, is_program=is_program):
             files.take([path])

@@ -159,6 +159,8 @@ class Session:
                 f"{type(participant).__name__} needs a method `output`: the scenario has "
                 "`publishes: first`"
             )
+        if self._ticket.checkpoint.every:
+            participant.prepare_saves()
         ready = Ready(
             name=self._welcome.name,
             token=self._welcome.token,

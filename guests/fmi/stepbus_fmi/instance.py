@@ -1,0 +1,269 @@
+"""One instance of an FMU for co-simulation, of FMI 2.0 or 3.0, over FMPy's calls of the C interface."""
+
+import shutil
+import tempfile
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fmpy import extract, fmi2, fmi3, instantiate_fmu
+from fmpy.fmi1 import FMICallException
+
+from stepbus_participant import scratch_folder
+from stepbus_schemas import RunError, WiringError, error_text
+
+from .model import Model, Variable, open_fmu
+
+_STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
+_DISCARD = 2
+_MOST_UPDATES = 1000
+"""Updates of the discrete states at one time, after which they are taken not to end."""
+
+
+class FmuError(RunError):
+    """A call of an FMU has failed. The text has what the FMU logged last."""
+
+
+class Values:
+    """Variables of one type that are read and written together, in buffers made once."""
+
+    def __init__(self, fmu: Any, major: int, variables: Sequence[Variable]) -> None:
+        kind = variables[0].type
+        name = {"Enumeration": "Integer" if major == 2 else "Int64"}.get(kind, kind)
+        module = fmi2 if major == 2 else fmi3
+        prefix = f"fmi{major}"
+        self._fmu = fmu
+        self._names = f"{prefix}Get{name}", f"{prefix}Set{name}"
+        self._high = getattr(fmu, f"get{name}"), getattr(fmu, f"set{name}")
+        self._references = [item.reference for item in variables]
+        self._is_plain = variables[0].kind not in (str, bytes)
+        self.kind = variables[0].kind
+        self.count = sum(item.size for item in variables)
+        self._vr = (getattr(module, f"{prefix}ValueReference") * len(variables))(*self._references)
+        if self._is_plain:
+            self.buffer = (getattr(module, f"{prefix}{name}") * self.count)()
+            sizes = (len(variables),) if major == 2 else (len(variables), self.count)
+            self._arguments = (*sizes[:1], self.buffer, *sizes[1:])
+
+    def get(self) -> list[Any]:
+        """Return the values."""
+        if not self._is_plain:
+            got = self._high[0](self._references, *(() if self._fmu_is_2() else (self.count,)))
+            return [v.decode() if isinstance(v, bytes) and self.kind is str else v for v in got]
+        fmu, n = self._fmu, self._arguments
+        fmu._call(self._names[0], fmu.component, self._vr, *n)
+        return self.buffer[:] if self.kind is not bool else list(map(bool, self.buffer))
+
+    def set(self, values: Iterable[Any]) -> None:
+        """Write the values."""
+        if not self._is_plain:
+            self._high[1](self._references, list(values))
+            return
+        given = list(values)
+        self.buffer[:] = given
+        # ctypes cuts off what does not fit.
+        if self.kind is int and self.buffer[:] != given:
+            raise FmuError(f"{given} does not fit the type {self._names[1][7:]}")
+        fmu = self._fmu
+        fmu._call(self._names[1], fmu.component, self._vr, *self._arguments)
+
+    def _fmu_is_2(self) -> bool:
+        return self._names[0].startswith("fmi2")
+
+
+class Instance:
+    """An FMU that is unpacked, and then started by `instantiate` and `initialize`.
+
+    logs: whether it logs all that it can. Its lines go to standard output; errors quote the last.
+    ended: whether it ends the run. Raises WiringError where it cannot be started, else FmuError.
+    """
+
+    def __init__(self, model: Model, path: Path, inside: str = "", *, logs: bool = False) -> None:
+        self.model = model
+        self.ended = False
+        self._is_3 = model.major == 3
+        self._lines: deque[str] = deque(maxlen=3)
+        self.has_events = False
+        self._folder = Path(tempfile.mkdtemp(prefix="stepbus-fmu-", dir=scratch_folder()))
+        self._fmu: Any = None
+        self._logs = logs
+        try:
+            extract(open_fmu(path, inside), self._folder)
+        except Exception as exc:
+            self.close()
+            raise WiringError(f"{model.file} cannot be unpacked: {error_text(exc)}") from exc
+
+    def instantiate(self, *, event_mode: bool) -> None:
+        """Load the program of the FMU, and make the instance."""
+        self.has_events = self._is_3 and event_mode and bool(self.model.can.hasEventMode)
+        more = {"event_mode_used": self.has_events, "early_return_allowed": True}
+        binaries = sorted(item.name for item in (self._folder / "binaries").glob("*"))
+        try:
+            self._fmu = instantiate_fmu(
+                str(self._folder),
+                self.model.description,
+                "CoSimulation",
+                debug_logging=self._logs,
+                logger=self._log_3 if self._is_3 else self._log_2,
+                require_functions=False,
+                **more if self._is_3 else {},
+            )
+        except Exception as exc:
+            text = str(exc).replace(str(self._folder), self.model.file)
+            if "Cannot find shared library" in text:
+                text += f"; it has programs for {', '.join(binaries) or 'no platform'}"
+            raise WiringError(self._explained(f"{self.model.file}: {text}")) from exc
+
+    def initialize(self, values: Mapping[str, Any], time: float, tolerance: float | None) -> None:
+        """Set the start values and initialize the FMU at a time [s]."""
+        fmu = self._fmu
+        sizes = {n: v for n, v in values.items() if self._causality(n) == "structuralParameter"}
+        if sizes:
+            self._do(fmu.enterConfigurationMode)
+            self._set_start(sizes)
+            self._do(fmu.exitConfigurationMode)
+        others = {name: value for name, value in values.items() if name not in sizes}
+        if self._is_3:
+            self._set_start(others)
+            self._do(fmu.enterInitializationMode, tolerance, time, None)
+            self._do(fmu.exitInitializationMode)
+            if self.has_events:
+                self._update_discrete_states()
+        else:
+            self._do(fmu.setupExperiment, tolerance, time, None)
+            self._set_start(others)
+            self._do(fmu.enterInitializationMode)
+            self._do(fmu.exitInitializationMode)
+
+    def _causality(self, name: str) -> str:
+        return self.model.variables[name].causality
+
+    def _set_start(self, values: Mapping[str, Any]) -> None:
+        for name, value in values.items():
+            item = self.model.variables[name]
+            self._do(self.values([item]).set, value if item.shape else [value])
+
+    def values(self, variables: Sequence[Variable]) -> Values:
+        """Return access to variables of one type."""
+        return Values(self._fmu, self.model.major, variables)
+
+    def get(self, values: Values) -> list[Any]:
+        """Return the values of variables."""
+        return self._do(values.get)
+
+    def apply(
+        self, continuous: Mapping[Values, list[Any]], others: Mapping[Values, list[Any]]
+    ) -> None:
+        """Set inputs, and tunable parameters; those that are not continuous in an event."""
+        for group, values in continuous.items():
+            self._do(group.set, values)
+        if not others:
+            return
+        if self.has_events:
+            self._do(self._fmu.enterEventMode)
+        for group, values in others.items():
+            self._do(group.set, values)
+        if self.has_events:
+            self._update_discrete_states()
+
+    def set_slopes(self, references: Sequence[int], slopes: Sequence[float]) -> None:
+        """Set the derivatives of real inputs, from now on [1/s]."""
+        self._do(self._fmu.setRealInputDerivatives, references, [1] * len(references), slopes)
+
+    def step(self, time: float, until: float) -> None:
+        """Do a step, from one time to another [s]; `ended` tells whether the FMU ends the run."""
+        if not self._is_3:
+            self._step_2(time, until)
+            return
+        while not self.ended:
+            needs_event, self.ended, early, reached = self._do(self._fmu.doStep, time, until - time)
+            if needs_event and self.has_events and not self.ended:
+                self._do(self._fmu.enterEventMode)
+                self._update_discrete_states()
+            if not early:
+                reached = until if abs(reached - until) <= 1e-9 * max(1.0, abs(until)) else reached
+                if reached != until and not self.ended:
+                    raise FmuError(f"it stopped at {reached!r} s, not at {until!r} s")
+                return
+            if reached >= until:
+                return
+            if reached < time:
+                raise FmuError(f"it returned early at {reached!r} s, before {time!r} s")
+            time = reached
+
+    def _step_2(self, time: float, until: float) -> None:
+        fmu = self._fmu
+        try:
+            fmu._call("fmi2DoStep", fmu.component, time, until - time, fmi2.fmi2True)
+        except FMICallException as exc:
+            if exc.status == _DISCARD and self._do(fmu.getBooleanStatus, fmi2.fmi2Terminated):
+                self.ended = True
+                return
+            raise self._error(exc) from exc
+
+    def _update_discrete_states(self) -> None:
+        for _ in range(_MOST_UPDATES):
+            again, self.ended, *_ = self._do(self._fmu.updateDiscreteStates)
+            if not again or self.ended:
+                break
+        else:
+            raise FmuError(f"its discrete states change without end ({_MOST_UPDATES} times)")
+        if not self.ended:
+            self._do(self._fmu.enterStepMode)
+
+    def save(self) -> bytes:
+        """Return its state."""
+        state = self._do(self._fmu.getFMUState)
+        try:
+            return bytes(self._do(self._fmu.serializeFMUState, state))
+        finally:
+            self._do(self._fmu.freeFMUState, state)
+
+    def restore(self, saved: bytes) -> None:
+        """Take a state that `save` returned."""
+        fmu = self._fmu
+        state = self._do(fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUState, saved)
+        try:
+            self._do(fmu.setFMUState, state)
+        finally:
+            self._do(fmu.freeFMUState, state)
+
+    def close(self) -> None:
+        """End the instance, and remove what was unpacked."""
+        try:
+            if self._fmu is not None:
+                self._do(self._fmu.terminate)
+                self._fmu.freeInstance()
+        except FmuError as exc:
+            print(f"at its end: {exc}")  # noqa: T201  (to its log)
+        finally:
+            self._fmu = None
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _do(self, call: Any, *args: Any) -> Any:
+        try:
+            return call(*args)
+        except FMICallException as exc:
+            raise self._error(exc) from exc
+
+    def _error(self, exc: FMICallException) -> FmuError:
+        name = _STATUS[exc.status] if 0 <= exc.status < len(_STATUS) else str(exc.status)
+        return FmuError(self._explained(f"{exc.function} returned {name}"))
+
+    def _explained(self, text: str) -> str:
+        """Return a text, with what the FMU logged last."""
+        return f"{text}: {'; '.join(self._lines)}" if self._lines else text
+
+    def _log_2(self, _env: Any, _name: bytes, status: int, category: bytes, text: bytes) -> None:
+        self._log(status, category, text)
+
+    def _log_3(self, _env: Any, status: int, category: bytes, text: bytes) -> None:
+        self._log(status, category, text)
+
+    def _log(self, status: int, category: bytes | None, text: bytes | None) -> None:
+        name = _STATUS[status] if 0 <= status < len(_STATUS) else str(status)
+        line = (text or b"").decode(errors="replace").strip()
+        print(f"[{name}] {(category or b'').decode(errors='replace')}: {line}", flush=True)  # noqa: T201
+        if status > 0:
+            self._lines.append(line)
