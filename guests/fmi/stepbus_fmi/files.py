@@ -36,7 +36,7 @@ def participant(model: Model, fmu: str, inside: str = "") -> dict[str, Any]:
     """Return the participant of an FMU: as a plant, it publishes the state before it steps."""
     outputs = {port: type_ for port, kind, type_ in _PORTS if model.of("output", kind)}
     start = _number(model, "startTime") or 0.0
-    more = {"inside": inside} if inside else {}
+    more: dict[str, Any] = {"inside": inside} if inside else {}
     more |= {"start_time": start} if start else {}
     return {
         "participant": "stepbus_fmi:Fmu",
@@ -89,7 +89,8 @@ def ssp_scenario(path: Path) -> dict[str, Any]:
     """Return the scenario of a system of FMUs; raises WiringError for one that cannot run."""
     from .ssp import system_scenario  # noqa: PLC0415  (most scenarios have none)
 
-    return system_scenario(path)
+    made: dict[str, Any] = system_scenario(path)
+    return made
 
 
 def about(spec: Any, scenario: Any) -> list[str]:
@@ -109,7 +110,7 @@ def about(spec: Any, scenario: Any) -> list[str]:
             start = "" if item.start is None else f" = {item.start}"
             text = f": {item.description}" if item.description else ""
             lines.append(
-                f"  {item.causality:9} {item.name}{size}: {item.variability} {item.type}"
+                f"  {item.causality:9} {item.name}{size}: {item.variability} {item.type_name}"
                 f"{start}{unit}{text}"
             )
     h = spec.every * scenario.step_ns / 1e9
@@ -126,4 +127,4 @@ def _when(spec: Any, delay: int, h: float) -> str:
             f"{at} is set at t and shows in the outputs at t + {h:g} s: one step of delay, since "
             "the FMU publishes its state before it takes the inputs (`publishes: first`)"
         )
-    return f"{at} is set at t, and the outputs of t + {h:g} s are published at once (`publishes: last`)"
+    return f"{at} is set at t; the outputs of t + {h:g} s follow at once (`publishes: last`)"

@@ -1,4 +1,4 @@
-"""One instance of an FMU for co-simulation, of FMI 2.0 or 3.0, over FMPy's calls of the C interface."""
+"""One instance of an FMU for co-simulation, FMI 2.0 or 3.0, over FMPy's calls of its functions."""
 
 import shutil
 import tempfile
@@ -14,6 +14,7 @@ from stepbus_participant import scratch_folder
 from stepbus_schemas import RunError, WiringError, error_text
 
 from .model import Model, Variable, open_fmu
+from .params import Params
 
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _DISCARD = 2
@@ -29,7 +30,7 @@ class Values:
     """Variables of one type that are read and written together, in buffers made once."""
 
     def __init__(self, fmu: Any, major: int, variables: Sequence[Variable]) -> None:
-        kind = variables[0].type
+        kind = variables[0].type_name
         name = {"Enumeration": "Integer" if major == 2 else "Int64"}.get(kind, kind)
         module = fmi2 if major == 2 else fmi3
         prefix = f"fmi{major}"
@@ -70,6 +71,21 @@ class Values:
 
     def _fmu_is_2(self) -> bool:
         return self._names[0].startswith("fmi2")
+
+
+def started(model: Model, params: Params, values: Mapping[str, Any]) -> "Instance":
+    """Return an instance that is initialized; values: variable → start value."""
+    instance = Instance(model, params.fmu, params.inside, logs=params.log)
+    try:
+        instance.instantiate(event_mode=params.event_mode)
+        instance.initialize(values, params.start_time, params.tolerance)
+    except FmuError as exc:
+        instance.close()
+        raise WiringError(f"{model.file} cannot be initialized: {exc}") from exc
+    except BaseException:
+        instance.close()
+        raise
+    return instance
 
 
 class Instance:
@@ -150,7 +166,8 @@ class Instance:
 
     def get(self, values: Values) -> list[Any]:
         """Return the values of variables."""
-        return self._do(values.get)
+        got: list[Any] = self._do(values.get)
+        return got
 
     def apply(
         self, continuous: Mapping[Values, list[Any]], others: Mapping[Values, list[Any]]

@@ -28,12 +28,12 @@ KINDS: Mapping[str, type] = {
 class Variable:
     """A variable. shape: of an array, with the sizes that the start values give it; else empty.
 
-    type: as the standard names it. items: of an enumeration, name → number.
+    type_name: as the standard has it. items: of an enumeration, name → number.
     """
 
     name: str
     reference: int
-    type: str
+    type_name: str
     causality: str
     variability: str
     initial: str
@@ -47,7 +47,7 @@ class Variable:
     @property
     def kind(self) -> type:
         """Return what its values are in Python."""
-        return KINDS[self.type]
+        return KINDS[self.type_name]
 
     @property
     def size(self) -> int:
@@ -145,8 +145,8 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     if description.coSimulation is None:
         has = "model exchange" if description.modelExchange else "scheduled execution"
         raise WiringError(
-            f"{name} has no co-simulation interface, only {has}; export it for co-simulation, which "
-            "brings its own solver"
+            f"{name} has no co-simulation interface, only {has}; export it for co-simulation, "
+            "which brings its own solver"
         )
     clocks = [item.name for item in description.modelVariables if item.type == "Clock"]
     if clocks:
@@ -168,7 +168,7 @@ def _variable(item: Any, shape: tuple[int, ...]) -> Variable:
     return Variable(
         name=item.name,
         reference=item.valueReference,
-        type=item.type,
+        type_name=item.type,
         causality=item.causality,
         variability=item.variability,
         initial=item.initial or "",

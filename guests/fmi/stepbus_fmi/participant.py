@@ -1,6 +1,7 @@
 """An FMU as a participant: its inputs and outputs are ports, its steps those of the run."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -19,7 +20,7 @@ from stepbus_participant import (
 )
 from stepbus_schemas import Description, Message, WiringError, suggest
 
-from .instance import FmuError, Instance, Values
+from .instance import Instance, Values, started
 from .links import Wire, Wiring
 from .model import Model, Variable, read_model
 from .params import Params
@@ -60,8 +61,8 @@ def by_type(
     instance: Instance, variables: Sequence[Variable]
 ) -> Iterator[tuple[Values, list[Variable]]]:
     """Yield access to the variables of each type, and these."""
-    ordered = sorted(variables, key=lambda item: item.type)
-    for _, group in groupby(ordered, key=lambda item: item.type):
+    ordered = sorted(variables, key=lambda item: item.type_name)
+    for _, group in groupby(ordered, key=lambda item: item.type_name):
         items = list(group)
         yield instance.values(items), items
 
@@ -137,25 +138,16 @@ class Fmu(Participant):
             problems.add((), text)
         rows = {port: self._output_rows(port, problems) for port in config.outputs}
         problems.refuse()
-        self._instance = Instance(model, params.fmu, params.inside, logs=params.log)
-        try:
-            self._instance.instantiate(event_mode=params.event_mode)
-            self._instance.initialize(self._start, params.start_time, params.tolerance)
-            self._outputs = {
-                port: Output(self._instance, config.types[config.outputs[port].type], row)
-                for port, row in rows.items()
-            }
-            self._tunable = {
-                item.name: item
-                for item in model.variables.values()
-                if item.variability == "tunable" and item.causality == "parameter"
-            }
-        except FmuError as exc:
-            self._instance.close()
-            raise WiringError(f"{model.file} cannot be initialized: {exc}") from exc
-        except BaseException:
-            self._instance.close()
-            raise
+        self._instance = started(model, params, self._start)
+        self._outputs = {
+            port: Output(self._instance, config.types[config.outputs[port].type], row)
+            for port, row in rows.items()
+        }
+        self._tunable = {
+            item.name: item
+            for item in model.variables.values()
+            if item.variability == "tunable" and item.causality == "parameter"
+        }
         self._rows = rows
         self._continuous: list[Group] = []
         self._discrete: list[Group] = []
@@ -168,7 +160,7 @@ class Fmu(Participant):
     def _extrapolated(self, problems: Problems) -> list[Variable]:
         found = []
         for name in self._params.extrapolate:
-            item = problems.attempt(("extrapolate",), lambda n=name: self.model.find(n))
+            item = problems.attempt(("extrapolate",), partial(self.model.find, name))
             if item is None:
                 continue
             if item.causality != "input" or item.kind is not float or item.shape:
@@ -236,7 +228,7 @@ class Fmu(Participant):
         """Return the variables of a kind that are published without being asked for one by one."""
         found = self.model.of("output", kind)
         for name in self._params.publish:
-            item = problems.attempt(("params", "publish"), lambda n=name: self.model.find(n))
+            item = problems.attempt(("params", "publish"), partial(self.model.find, name))
             if item is not None and item.kind is kind and item not in found:
                 found.append(item)
         return found
@@ -380,7 +372,7 @@ class Fmu(Participant):
     def prepare_saves(self) -> None:
         """Find out whether a state of this FMU can be restored in another process."""
         if self.model.saves:
-            why = state_problem(self._params, self._h)
+            why = state_problem(self._params, dict(self._params.start), self._h)
         else:
             why = "it cannot save its state (canSerializeFMUState)"
         if why:

@@ -1,6 +1,7 @@
 """Start values as a scenario writes them."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from stepbus_participant import Problems
@@ -20,7 +21,7 @@ def start_values(
     found = {}
     for name, value in given.items():
         keys: Keys = ("start", name)
-        read = problems.attempt(keys, lambda n=name, v=value: _read(model, units, n, v))
+        read = problems.attempt(keys, partial(_read, model, units, name, value))
         if read is not None:
             found[name] = read
     return found

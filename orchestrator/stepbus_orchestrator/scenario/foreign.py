@@ -1,4 +1,4 @@
-"""A participant that is a file of another tool, such as an FMU, for which a package has a reader."""
+"""A participant that is a file of another tool, such as an FMU, which a package reads."""
 
 import dataclasses
 from functools import partial
