@@ -3,7 +3,8 @@
 import shutil
 import tempfile
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,50 +28,57 @@ class FmuError(RunError):
 
 
 class Values:
-    """Variables of one type that are read and written together, in buffers made once."""
+    """Variables of one type that are read and written together, in a buffer made once."""
 
     def __init__(self, fmu: Any, major: int, variables: Sequence[Variable]) -> None:
-        kind = variables[0].type_name
-        name = {"Enumeration": "Integer" if major == 2 else "Int64"}.get(kind, kind)
-        module = fmi2 if major == 2 else fmi3
-        prefix = f"fmi{major}"
-        self._fmu = fmu
-        self._names = f"{prefix}Get{name}", f"{prefix}Set{name}"
-        self._high = getattr(fmu, f"get{name}"), getattr(fmu, f"set{name}")
-        self._references = [item.reference for item in variables]
-        self._is_plain = variables[0].kind not in (str, bytes)
-        self.kind = variables[0].kind
-        self.count = sum(item.size for item in variables)
-        self._vr = (getattr(module, f"{prefix}ValueReference") * len(variables))(*self._references)
-        if self._is_plain:
-            self.buffer = (getattr(module, f"{prefix}{name}") * self.count)()
-            sizes = (len(variables),) if major == 2 else (len(variables), self.count)
-            self._arguments = (*sizes[:1], self.buffer, *sizes[1:])
+        first = variables[0]
+        name = {"Enumeration": "Integer" if major == 2 else "Int64"}.get(
+            first.type_name, first.type_name
+        )
+        module, prefix = (fmi2, "fmi2") if major == 2 else (fmi3, "fmi3")
+        self.kind = first.kind
+        self._name = name
+        references = [item.reference for item in variables]
+        count = sum(item.size for item in variables)
+        self._is_plain = self.kind not in (str, bytes)
+        if not self._is_plain:
+            more = () if major == 2 else (count,)
+            self._get = partial(getattr(fmu, f"get{name}"), references, *more)
+            self._set = partial(getattr(fmu, f"set{name}"), references)
+            return
+        self._buffer = (getattr(module, f"{prefix}{name}") * count)()
+        handles = (getattr(module, f"{prefix}ValueReference") * len(references))(*references)
+        sizes = () if major == 2 else (count,)
+        # FMPy's own methods make new buffers at each call.
+        arguments = (fmu.component, handles, len(references), self._buffer, *sizes)
+        self._get = partial(_call, fmu, f"{prefix}Get{name}", *arguments)
+        self._set = partial(_call, fmu, f"{prefix}Set{name}", *arguments)
 
     def get(self) -> list[Any]:
         """Return the values."""
-        if not self._is_plain:
-            got = self._high[0](self._references, *(() if self._fmu_is_2() else (self.count,)))
-            return [v.decode() if isinstance(v, bytes) and self.kind is str else v for v in got]
-        fmu, n = self._fmu, self._arguments
-        fmu._call(self._names[0], fmu.component, self._vr, *n)
-        return self.buffer[:] if self.kind is not bool else list(map(bool, self.buffer))
+        got = self._get()
+        if self.kind is str:
+            return [value.decode() if isinstance(value, bytes) else value for value in got]
+        if self.kind is bytes:
+            return [value or b"" for value in got]
+        return self._buffer[:] if self.kind is not bool else list(map(bool, self._buffer))
 
-    def set(self, values: Iterable[Any]) -> None:
+    def set(self, values: list[Any]) -> None:
         """Write the values."""
         if not self._is_plain:
-            self._high[1](self._references, list(values))
+            self._set(values)
             return
-        given = list(values)
-        self.buffer[:] = given
+        self._buffer[:] = values
         # ctypes cuts off what does not fit.
-        if self.kind is int and self.buffer[:] != given:
-            raise FmuError(f"{given} does not fit the type {self._names[1][7:]}")
-        fmu = self._fmu
-        fmu._call(self._names[1], fmu.component, self._vr, *self._arguments)
+        if self.kind is int and self._buffer[:] != values:
+            raise FmuError(f"{values} does not fit the type {self._name}")
+        self._set()
 
-    def _fmu_is_2(self) -> bool:
-        return self._names[0].startswith("fmi2")
+
+def _call(fmu: Any, name: str, *args: Any) -> None:
+    status = fmu._functions[name](*args)
+    if status > 1:
+        raise FMICallException(name, status)
 
 
 def started(model: Model, params: Params, values: Mapping[str, Any]) -> "Instance":
@@ -190,34 +198,32 @@ class Instance:
 
     def step(self, time: float, until: float) -> None:
         """Do a step, from one time to another [s]; `ended` tells whether the FMU ends the run."""
-        if not self._is_3:
-            self._step_2(time, until)
+        if self._is_3:
+            self._step_3(time, until)
             return
+        fmu = self._fmu
+        try:
+            _call(fmu, "fmi2DoStep", fmu.component, time, until - time, fmi2.fmi2True)
+        except FMICallException as exc:
+            self.ended = exc.status == _DISCARD and self._do(
+                fmu.getBooleanStatus, fmi2.fmi2Terminated
+            )
+            if not self.ended:
+                raise self._error(exc) from exc
+
+    def _step_3(self, time: float, until: float) -> None:
         while not self.ended:
             needs_event, self.ended, early, reached = self._do(self._fmu.doStep, time, until - time)
             if needs_event and self.has_events and not self.ended:
                 self._do(self._fmu.enterEventMode)
                 self._update_discrete_states()
+            if self.ended or abs(reached - until) <= 1e-9 * max(1.0, abs(until)):
+                return
             if not early:
-                reached = until if abs(reached - until) <= 1e-9 * max(1.0, abs(until)) else reached
-                if reached != until and not self.ended:
-                    raise FmuError(f"it stopped at {reached!r} s, not at {until!r} s")
-                return
-            if reached >= until:
-                return
-            if reached < time:
-                raise FmuError(f"it returned early at {reached!r} s, before {time!r} s")
+                raise FmuError(f"it stopped at {reached!r} s, not at {until!r} s")
+            if not time <= reached < until:
+                raise FmuError(f"from {time!r} s, it returned early at {reached!r} s")
             time = reached
-
-    def _step_2(self, time: float, until: float) -> None:
-        fmu = self._fmu
-        try:
-            fmu._call("fmi2DoStep", fmu.component, time, until - time, fmi2.fmi2True)
-        except FMICallException as exc:
-            if exc.status == _DISCARD and self._do(fmu.getBooleanStatus, fmi2.fmi2Terminated):
-                self.ended = True
-                return
-            raise self._error(exc) from exc
 
     def _update_discrete_states(self) -> None:
         for _ in range(_MOST_UPDATES):
