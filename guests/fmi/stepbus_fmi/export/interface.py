@@ -108,7 +108,9 @@ def port_rows(source: Port, lost: list[str], **given: Any) -> list[Row]:
         except ValueError as exc:
             lost.append(f"{given['owner']}.{given['port']}.{name}: {exc}")
             if is_required and given["causality"] == "input":
-                raise WiringError(f"{lost[-1]}; {source.type} requires it, so it is no FMU") from exc
+                raise WiringError(
+                    f"{lost[-1]}; {source.type} requires it, so it is no FMU"
+                ) from exc
     return rows
 
 
@@ -155,7 +157,7 @@ def parameter_rows(spec: ParticipantSpec, folder: Path, prefix: Sequence[str]) -
     They are those that its class declares: their type, and their unit in the docstring.
     """
     source = spec.participant.rpartition(":")[0]
-    declared = declared_parameters(source, folder) if source else None
+    declared: Any = declared_parameters(source, folder) if source else None
     if declared is None:
         return []
     key, kinds = declared.kinds

@@ -27,7 +27,7 @@ from stepbus_participant import (
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import Description, Message, RunError, due_step, encode
 
-Messages = Mapping[tuple[str, str], Message | None]
+Messages = Mapping[tuple[str, str], Message]
 """Participant and port → message."""
 
 
@@ -40,7 +40,7 @@ class One:
     def __init__(self, scenario: Scenario, name: str, described: Mapping[str, Description]) -> None:
         spec = scenario.participant(name)
         config = Config.from_welcome(welcome_of(scenario, spec, ""), scenario.types)
-        self.config, self.outputs = config, dict[tuple[str, str], Message | None]()
+        self.config, self.outputs = config, dict[tuple[str, str], Message]()
         with contextlib.chdir(scenario.folder):
             self.participant = import_participant(spec.participant, scenario.folder)(config)
             own = dict(self.participant.describe())
@@ -70,14 +70,18 @@ class One:
             for port, item in self._inputs.items():
                 row = self.config.inputs[port]
                 due = due_step(index, row.delay, row.every)
-                if due >= 0 and due != due_step(index - every, row.delay, row.every):
-                    item.pending.append((index, encode(messages[self.config.name, port])))
+                is_new = due >= 0 and due != due_step(index - every, row.delay, row.every)
+                message = messages.get((self.config.name, port))
+                if is_new and message is not None:
+                    item.pending.append((index, encode(message)))
                 item.settle(index)
-            with contextlib.suppress(StepsOver):
+            try:
                 published = self.participant.update(self._step)
-                if self._is_first and published:
-                    raise RunError("update returned messages, with `publishes: first`")
-                self._take(published)
+            except StepsOver:
+                return "it takes no further step"
+            if self._is_first and published:
+                raise RunError("update returned messages, with `publishes: first`")
+            self._take(published)
         self.publish(index + 1)
         return self._step.end_reason
 
@@ -88,8 +92,9 @@ class One:
 
     def save(self) -> tuple[bytes | None, dict[str, bytes | None]]:
         """Return its state, and the messages that its inputs hold."""
-        held = {port: item.value for port, item in self._inputs.items()}
-        return self.participant.save(), {p: v and encode(v) for p, v in held.items()}
+        values = {port: item.value for port, item in self._inputs.items()}
+        held = {port: None if v is None else encode(v) for port, v in values.items()}
+        return self.participant.save(), held
 
     def restore(self, state: bytes, held: Mapping[str, bytes | None]) -> None:
         """Go on from a state; once."""
@@ -109,12 +114,17 @@ class Played(Participant):
         self, config: Config, answer: Callable[[Step], Any], described: Mapping[str, Description]
     ) -> None:
         super().__init__(config)
-        self.update = answer  # type: ignore[method-assign]
+        self._answer = answer
         self.described = described
 
     def describe(self) -> Mapping[str, Description]:
         """Return what the participant in this place says."""
         return self.described
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return what the importer answers."""
+        messages: Mapping[str, Message] = self._answer(step)
+        return messages
 
 
 class All:
@@ -146,7 +156,7 @@ class All:
             **{key: before[key] for key in ("every", "outputs") if key in before},
         }
         self._every = before.get("every", 1)
-        self._answer: dict[str, Message | None] = {}
+        self._answer: dict[str, Message] = {}
         self._folder = TemporaryDirectory(prefix="fmu-stepbus-", ignore_cleanup_errors=True)
         self._episode = Episode(
             load(content, folder=scenario.folder),
@@ -158,7 +168,8 @@ class All:
         self.outputs = self._read(self._episode.start())
 
     def _read(self, step: Step) -> Messages:
-        return {key: step.get(port) for port, key in self._seen.items()}
+        messages = {key: step.get(port) for port, key in self._seen.items()}
+        return {key: message for key, message in messages.items() if message is not None}
 
     def step(self, index: int, messages: Messages) -> str | None:
         """Work on a step, up to what is published at the next; return why the run has ended."""

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, SubElement
 import msgspec
 
 from stepbus_orchestrator.scenario.load import load
-from stepbus_schemas import Message, RunError, error_text
+from stepbus_schemas import Message, RunError, StepbusError, error_text
 
 from .interface import PARAMS, Interface, Row
 from .play import All, Messages, One
@@ -20,6 +20,9 @@ from .play import All, Messages, One
 FILE = "interface.json"
 _TYPES_3 = {"Real": "Float64", "Integer": "Int64"}
 _INT32 = 2**31
+KEPT: list[Any] = []
+"""The modules of FMUs: pythonfmu 0.7 executes them for each instance, and releases what it does not
+own; the second instance found an empty module."""
 
 
 class Exported:
@@ -151,7 +154,10 @@ class Exported:
 
     def exit_initialization_mode(self) -> None:
         """Start what is in the FMU, with the parameters that the importer has set."""
-        self._open()
+        try:
+            self._open()
+        except StepbusError as exc:
+            raise RunError(str(exc)) from exc
 
     def do_step(self, current_time: float, step_size: float) -> Any:
         """Work on the step at a time [s]; anything but the scenario's step is an error."""
@@ -171,7 +177,8 @@ class Exported:
                 self._values[-1] = current_time + step_size
             self._show()
         except Exception as exc:
-            text = f"step {index}: {error_text(exc)}"
+            said = str(exc) if isinstance(exc, StepbusError) else error_text(exc)
+            text = f"step {index}: {said}"
             if self._is_3:
                 return self._end(text, is_error=True)
             # The other way out is `discard`, after which an importer may go on.

@@ -24,14 +24,16 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_participant import need
-from stepbus_schemas import Decoder, WiringError, error_text, suggest
+from stepbus_schemas import Decoder, Message, WiringError, error_text, suggest
 
 from .interface import Interface, parameter_rows, port_rows
 from .play import One
 from .slave import FILE
 
 _SLAVE = """import {library}
-from stepbus_fmi.export.slave import Exported
+from stepbus_fmi.export.slave import KEPT, Exported
+
+KEPT.append(globals())
 
 
 class {name}(Exported, {library}.Fmi{fmi}Slave):
@@ -45,7 +47,9 @@ def exportfmu_command(given: ExportFmu) -> Answer:
     scenario = load(given.scenario, given.set)
     _check(given, scenario)
     with scratch_folder("export-fmu") as folder, interruptible() as interrupt:
-        longest = [max((s.every, *(i.delay for i in s.inputs.values()))) for s in scenario.participants]
+        longest = [
+            max((s.every, *(i.delay for i in s.inputs.values()))) for s in scenario.participants
+        ]
         steps = 1 + sum(longest)
         short = dataclasses.replace(scenario, steps=min(steps, scenario.steps or steps), faults=())
         run(short, Options(out=folder / "run"), interrupt=interrupt).check()
@@ -78,9 +82,13 @@ def _check(given: ExportFmu, scenario: Scenario) -> None:
     for name in filter(None, (given.participant, given.input)):
         if name not in names:
             known = f"; it has {', '.join(names)}"
-            raise WiringError(f"{scenario.name} has no participant {name!r}{suggest(name, names)}{known}")
+            raise WiringError(
+                f"{scenario.name} has no participant {name!r}{suggest(name, names)}{known}"
+            )
     if given.participant and not scenario.participant(given.participant).participant:
-        raise WiringError(f"{given.participant} is a program of its own; only a class becomes an FMU")
+        raise WiringError(
+            f"{given.participant} is a program of its own; only a class becomes an FMU"
+        )
 
 
 def _interface(
@@ -109,14 +117,17 @@ def _interface(
     if twice := next((name for name in names if names.count(name) > 1), ""):
         raise WiringError(f"two variables would be named {twice}; rename a port of {one}")
     what = f"{one} of the scenario {scenario.name}" if one else f"the scenario {scenario.name}"
-    spec = scenario.participant(one or given.input) if one or given.input else None
-    inputs = {p: f"{i.source}/{i.port}" for p, i in spec.inputs.items()} if spec and one else {}
-    outputs = {p: f"{spec.name}/{p}" for p in spec.outputs} if spec and not one else {}
+    topics = dict[str, str]()
+    if one:
+        ports = scenario.participant(one).inputs.items()
+        topics = {port: f"{item.source}/{item.port}" for port, item in ports}
+    elif given.input:
+        topics = {p: f"{given.input}/{p}" for p in scenario.participant(given.input).outputs}
     described = {
         port: msgspec.structs.replace(
             recording.ports[topic].description, names=list(recording.ports[topic].names), like=None
         )
-        for port, topic in (inputs | outputs).items()
+        for port, topic in topics.items()
     }
     return Interface(
         scenario="",
@@ -135,11 +146,11 @@ def _stateless(scenario: Scenario, interface: Interface, recording: Recording) -
 
     It is tried with recorded messages: one that goes on and one that is restored answer equally.
     """
-    name, messages = interface.participant, {}
+    name, messages = interface.participant, dict[tuple[str, str], Message]()
     for port, item in scenario.participant(name).inputs.items():
         source = recording.ports[f"{item.source}/{item.port}"]
-        entry = next(iter(source.entries()), None)
-        messages[name, port] = entry and Decoder(source.message_class)(entry.data)
+        for entry in source.entries():
+            messages[name, port] = Decoder(source.message_class)(entry.data)
     try:
         with (
             closing(One(scenario, name, interface.described)) as first,
@@ -170,7 +181,10 @@ def _build(given: ExportFmu, library: Any, source: Path, interface: Interface) -
     # In one process, two modules of a name would be one.
     script = source / f"{name}_{hashlib.sha256(content).hexdigest()[:12]}.py"
     script.write_text(_SLAVE.format(library=library.__name__, fmi=given.fmi, name=name))
-    state = {f"can{verb}FMU{'S' if given.fmi == '3' else 's'}tate": interface.has_state for verb in ("GetAndSet", "Serialize")}
+    state = {
+        f"can{verb}FMU{'S' if given.fmi == '3' else 's'}tate": interface.has_state
+        for verb in ("GetAndSet", "Serialize")
+    }
     path = list(sys.path)
     try:
         built = library.FmuBuilder.build_FMU(
