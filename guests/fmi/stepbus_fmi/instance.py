@@ -196,14 +196,14 @@ class Instance:
         """Set the derivatives of real inputs, from now on [1/s]."""
         self._do(self._fmu.setRealInputDerivatives, references, [1] * len(references), slopes)
 
-    def step(self, time: float, until: float) -> None:
-        """Do a step, from one time to another [s]; `ended` tells whether the FMU ends the run."""
+    def step(self, time: float, h: float) -> None:
+        """Do a step of length h [s] at a time; `ended` tells whether the FMU ends the run."""
         if self._is_3:
-            self._step_3(time, until)
+            self._step_3(time, h)
             return
         fmu = self._fmu
         try:
-            _call(fmu, "fmi2DoStep", fmu.component, time, until - time, fmi2.fmi2True)
+            _call(fmu, "fmi2DoStep", fmu.component, time, h, fmi2.fmi2True)
         except FMICallException as exc:
             self.ended = exc.status == _DISCARD and self._do(
                 fmu.getBooleanStatus, fmi2.fmi2Terminated
@@ -211,9 +211,10 @@ class Instance:
             if not self.ended:
                 raise self._error(exc) from exc
 
-    def _step_3(self, time: float, until: float) -> None:
+    def _step_3(self, time: float, h: float) -> None:
+        until = time + h
         while not self.ended:
-            needs_event, self.ended, early, reached = self._do(self._fmu.doStep, time, until - time)
+            needs_event, self.ended, early, reached = self._do(self._fmu.doStep, time, h)
             if needs_event and self.has_events and not self.ended:
                 self._do(self._fmu.enterEventMode)
                 self._update_discrete_states()
@@ -223,7 +224,7 @@ class Instance:
                 raise FmuError(f"it stopped at {reached!r} s, not at {until!r} s")
             if not time <= reached < until:
                 raise FmuError(f"from {time!r} s, it returned early at {reached!r} s")
-            time = reached
+            time, h = reached, until - reached
 
     def _update_discrete_states(self) -> None:
         for _ in range(_MOST_UPDATES):
