@@ -26,6 +26,7 @@ import numpy as np
 from fmpy.util import validate_result
 from mcap.reader import make_reader
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 import stepbus
 
@@ -72,7 +73,6 @@ def value(name: str, text: str) -> Any:
 
 def roberts(times: NDArray[np.float64]) -> Table:
     """Solve Robertson's problem: the file that ships with its FMU is that of BouncingBall."""
-    from scipy.integrate import solve_ivp
 
     def slope(_: float, y: Sequence[float]) -> list[float]:
         first = -0.04 * y[0] + 1e4 * y[1] * (1 - y[0] - y[1])
@@ -370,7 +370,7 @@ def caught(function: Any, *args: Any) -> tuple[bool, str]:
     """Call a function; an error is a row of the table."""
     try:
         return function(*args)
-    except Exception as exc:
+    except Exception as exc:  # noqa: BLE001  (whatever it is)
         return False, f"{function.__name__} {args[0]}: {type(exc).__name__}: {exc}"
 
 
@@ -390,7 +390,9 @@ def main(checkout: Path, folders: Sequence[Path]) -> int:
             print(rows[-1][1], flush=True)
     for folder in sorted({fmu.parent for fmu in fmus if fmu.stem == "StateSpace"}):
         ends = (
-            End(folder / "Feedthrough.fmu", "Float64_continuous_input", "Float64_continuous_output"),
+            End(
+                folder / "Feedthrough.fmu", "Float64_continuous_input", "Float64_continuous_output"
+            ),
             End(folder / "StateSpace.fmu", "u[1]", "y[1]"),
         )
         rows.append(apart(coupled, ends, 1000, 0.01))
