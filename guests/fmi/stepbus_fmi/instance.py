@@ -2,6 +2,7 @@
 
 import shutil
 import tempfile
+import zlib
 from collections import deque
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -122,7 +123,8 @@ class Instance:
         """Load the program of the FMU, and make the instance."""
         self.has_events = self._is_3 and event_mode and bool(self.model.can.hasEventMode)
         more = {"event_mode_used": self.has_events, "early_return_allowed": True}
-        binaries = sorted(item.name for item in (self._folder / "binaries").glob("*"))
+        files = (self._folder / "binaries").glob("*/*")
+        binaries = sorted(f"{item.parent.name}/{item.name}" for item in files)
         try:
             self._fmu = instantiate_fmu(
                 str(self._folder),
@@ -237,17 +239,18 @@ class Instance:
             self._do(self._fmu.enterStepMode)
 
     def save(self) -> bytes:
-        """Return its state."""
+        """Return its state, packed: those of Dymola are a megabyte of zeros."""
         state = self._do(self._fmu.getFMUState)
         try:
-            return bytes(self._do(self._fmu.serializeFMUState, state))
+            return zlib.compress(self._do(self._fmu.serializeFMUState, state), 1)
         finally:
             self._do(self._fmu.freeFMUState, state)
 
     def restore(self, saved: bytes) -> None:
         """Take a state that `save` returned."""
         fmu = self._fmu
-        state = self._do(fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUstate, saved)
+        take = fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUstate
+        state = self._do(take, zlib.decompress(saved))
         try:
             self._do(fmu.setFMUState, state)
         finally:
