@@ -12,7 +12,7 @@ from typing import Any
 from fmpy import extract, fmi2, fmi3, instantiate_fmu
 from fmpy.fmi1 import FMICallException
 
-from stepbus_participant import scratch_folder
+from stepbus_participant import scratch_folder, warn
 from stepbus_schemas import RunError, WiringError, error_text
 
 from .model import Model, Variable, open_fmu
@@ -110,6 +110,7 @@ class Instance:
         self._is_3 = model.major == 3
         self._lines: deque[str] = deque(maxlen=3)
         self.has_events = False
+        self._is_off_grid = False
         self._folder = Path(tempfile.mkdtemp(prefix="stepbus-fmu-", dir=scratch_folder()))
         self._fmu: Any = None
         self._logs = logs
@@ -223,10 +224,21 @@ class Instance:
             if self.ended or abs(reached - until) <= 1e-9 * max(1.0, abs(until)):
                 return
             if not early:
-                raise FmuError(f"it stopped at {reached!r} s, not at {until!r} s")
+                self._check_grid(reached, until)
+                return
             if not time <= reached < until:
                 raise FmuError(f"from {time!r} s, it returned early at {reached!r} s")
             time, h = reached, until - reached
+
+    def _check_grid(self, reached: float, until: float) -> None:
+        """Accept the end of a step that is on the grid of the FMU's own steps; warn once."""
+        fixed = float(self.model.can.fixedInternalStepSize or 0)
+        text = f"it stopped at {reached!r} s, not at {until!r} s"
+        if abs(reached - until) > fixed * (1 + 1e-9):
+            raise FmuError(text)
+        if not self._is_off_grid:
+            warn(f"{self.model.file} keeps to its own steps of {fixed:g} s: {text}")
+        self._is_off_grid = True
 
     def _update_discrete_states(self) -> None:
         for _ in range(_MOST_UPDATES):
