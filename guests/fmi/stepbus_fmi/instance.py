@@ -2,6 +2,7 @@
 
 import shutil
 import tempfile
+import zlib
 from collections import deque
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -11,7 +12,7 @@ from typing import Any
 from fmpy import extract, fmi2, fmi3, instantiate_fmu
 from fmpy.fmi1 import FMICallException
 
-from stepbus_participant import scratch_folder
+from stepbus_participant import scratch_folder, warn
 from stepbus_schemas import RunError, WiringError, error_text
 
 from .model import Model, Variable, open_fmu
@@ -109,6 +110,7 @@ class Instance:
         self._is_3 = model.major == 3
         self._lines: deque[str] = deque(maxlen=3)
         self.has_events = False
+        self._is_off_grid = False
         self._folder = Path(tempfile.mkdtemp(prefix="stepbus-fmu-", dir=scratch_folder()))
         self._fmu: Any = None
         self._logs = logs
@@ -122,7 +124,8 @@ class Instance:
         """Load the program of the FMU, and make the instance."""
         self.has_events = self._is_3 and event_mode and bool(self.model.can.hasEventMode)
         more = {"event_mode_used": self.has_events, "early_return_allowed": True}
-        binaries = sorted(item.name for item in (self._folder / "binaries").glob("*"))
+        files = (self._folder / "binaries").glob("*/*")
+        binaries = sorted(f"{item.parent.name}/{item.name}" for item in files)
         try:
             self._fmu = instantiate_fmu(
                 str(self._folder),
@@ -196,14 +199,14 @@ class Instance:
         """Set the derivatives of real inputs, from now on [1/s]."""
         self._do(self._fmu.setRealInputDerivatives, references, [1] * len(references), slopes)
 
-    def step(self, time: float, until: float) -> None:
-        """Do a step, from one time to another [s]; `ended` tells whether the FMU ends the run."""
+    def step(self, time: float, h: float) -> None:
+        """Do a step of length h [s] at a time; `ended` tells whether the FMU ends the run."""
         if self._is_3:
-            self._step_3(time, until)
+            self._step_3(time, h)
             return
         fmu = self._fmu
         try:
-            _call(fmu, "fmi2DoStep", fmu.component, time, until - time, fmi2.fmi2True)
+            _call(fmu, "fmi2DoStep", fmu.component, time, h, fmi2.fmi2True)
         except FMICallException as exc:
             self.ended = exc.status == _DISCARD and self._do(
                 fmu.getBooleanStatus, fmi2.fmi2Terminated
@@ -211,19 +214,31 @@ class Instance:
             if not self.ended:
                 raise self._error(exc) from exc
 
-    def _step_3(self, time: float, until: float) -> None:
+    def _step_3(self, time: float, h: float) -> None:
+        until = time + h
         while not self.ended:
-            needs_event, self.ended, early, reached = self._do(self._fmu.doStep, time, until - time)
+            needs_event, self.ended, early, reached = self._do(self._fmu.doStep, time, h)
             if needs_event and self.has_events and not self.ended:
                 self._do(self._fmu.enterEventMode)
                 self._update_discrete_states()
             if self.ended or abs(reached - until) <= 1e-9 * max(1.0, abs(until)):
                 return
             if not early:
-                raise FmuError(f"it stopped at {reached!r} s, not at {until!r} s")
+                self._check_grid(reached, until)
+                return
             if not time <= reached < until:
                 raise FmuError(f"from {time!r} s, it returned early at {reached!r} s")
-            time = reached
+            time, h = reached, until - reached
+
+    def _check_grid(self, reached: float, until: float) -> None:
+        """Accept the end of a step that is on the grid of the FMU's own steps; warn once."""
+        fixed = float(self.model.can.fixedInternalStepSize or 0)
+        text = f"it stopped at {reached!r} s, not at {until!r} s"
+        if abs(reached - until) > fixed * (1 + 1e-9):
+            raise FmuError(text)
+        if not self._is_off_grid:
+            warn(f"{self.model.file} keeps to its own steps of {fixed:g} s: {text}")
+        self._is_off_grid = True
 
     def _update_discrete_states(self) -> None:
         for _ in range(_MOST_UPDATES):
@@ -236,17 +251,18 @@ class Instance:
             self._do(self._fmu.enterStepMode)
 
     def save(self) -> bytes:
-        """Return its state."""
+        """Return its state, packed: those of Dymola are a megabyte of zeros."""
         state = self._do(self._fmu.getFMUState)
         try:
-            return bytes(self._do(self._fmu.serializeFMUState, state))
+            return zlib.compress(self._do(self._fmu.serializeFMUState, state), 1)
         finally:
             self._do(self._fmu.freeFMUState, state)
 
     def restore(self, saved: bytes) -> None:
         """Take a state that `save` returned."""
         fmu = self._fmu
-        state = self._do(fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUState, saved)
+        take = fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUstate
+        state = self._do(take, zlib.decompress(saved))
         try:
             self._do(fmu.setFMUState, state)
         finally:

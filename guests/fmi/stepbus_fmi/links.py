@@ -38,6 +38,8 @@ class Wire:
         value = getattr(message, self.field)
         for place in self.places:
             value = value[place]
+        if isinstance(value, bool) and self.variable.kind in (int, float):
+            value = self.variable.kind(value)  # 0 or 1, as other tools do
         # Not 1 · value + 0, which turns −0 into 0.
         return value if self.scale == (1.0, 0.0) else value * self.scale[0] + self.scale[1]
 

@@ -300,7 +300,7 @@ class Fmu(Participant):
         if self._slopes:
             self._set_slopes()
         if not instance.ended:
-            instance.step(now, self._params.start_time + self._done * self._h)
+            instance.step(now, self._h)
         if instance.ended:
             step.end(f"the FMU {self.model.description.modelName} ends the simulation")
         return None if self.config.publishes == "first" else self.output(step)

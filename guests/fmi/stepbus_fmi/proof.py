@@ -76,8 +76,7 @@ def _main() -> None:
         found = []
         for step in range(first, first + count):
             if not instance.ended:
-                now, then = (params.start_time + n * asked["h"] for n in (step, step + 1))
-                instance.step(now, then)
+                instance.step(params.start_time + step * asked["h"], asked["h"])
             found.append(repr([instance.get(group) for group in groups]))
         return found
 
