@@ -4,6 +4,7 @@ import shutil
 import tempfile
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from stepbus_schemas import RunError, WiringError, error_text
 from .model import Model, Variable, open_fmu
 
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
-_DISCARD = 2
+_DISCARD, _FATAL = 2, 4
 _MOST_UPDATES = 1000
 """Updates of the discrete states at one time, after which they are taken not to end."""
 
@@ -85,6 +86,7 @@ class Instance:
         self._is_3 = model.major == 3
         self._lines: deque[str] = deque(maxlen=3)
         self.has_events = False
+        self._may_terminate, self._may_free = False, True
         self._folder = Path(tempfile.mkdtemp(prefix="stepbus-fmu-", dir=scratch_folder()))
         self._fmu: Any = None
         self._logs = logs
@@ -127,14 +129,14 @@ class Instance:
         if self._is_3:
             self._set_start(others)
             self._do(fmu.enterInitializationMode, tolerance, time, None)
-            self._do(fmu.exitInitializationMode)
-            if self.has_events:
-                self._update_discrete_states()
         else:
             self._do(fmu.setupExperiment, tolerance, time, None)
             self._set_start(others)
             self._do(fmu.enterInitializationMode)
-            self._do(fmu.exitInitializationMode)
+        self._do(fmu.exitInitializationMode)
+        self._may_terminate = True
+        if self.has_events:
+            self._update_discrete_states()
 
     def _causality(self, name: str) -> str:
         return self.model.variables[name].causality
@@ -197,10 +199,12 @@ class Instance:
         try:
             fmu._call("fmi2DoStep", fmu.component, time, until - time, fmi2.fmi2True)
         except FMICallException as exc:
-            if exc.status == _DISCARD and self._do(fmu.getBooleanStatus, fmi2.fmi2Terminated):
-                self.ended = True
-                return
-            raise self._error(exc) from exc
+            error = self._error(exc)
+            if exc.status == _DISCARD:
+                with suppress(FMICallException):
+                    self.ended = bool(fmu.getBooleanStatus(fmi2.fmi2Terminated))
+            if not self.ended:
+                raise error from exc
 
     def _update_discrete_states(self) -> None:
         for _ in range(_MOST_UPDATES):
@@ -232,13 +236,14 @@ class Instance:
     def close(self) -> None:
         """End the instance, and remove what was unpacked."""
         try:
-            if self._fmu is not None:
+            if self._may_terminate:
                 self._do(self._fmu.terminate)
-                self._fmu.freeInstance()
         except FmuError as exc:
             print(f"at its end: {exc}")  # noqa: T201  (to its log)
         finally:
-            self._fmu = None
+            if self._fmu is not None and self._may_free:
+                self._fmu.freeInstance()
+            self._fmu, self._may_terminate = None, False
             shutil.rmtree(self._folder, ignore_errors=True)
 
     def _do(self, call: Any, *args: Any) -> Any:
@@ -248,6 +253,9 @@ class Instance:
             raise self._error(exc) from exc
 
     def _error(self, exc: FMICallException) -> FmuError:
+        # After an error, an FMU may only be freed; after a fatal one, not even that.
+        self._may_terminate &= exc.status == _DISCARD
+        self._may_free &= exc.status != _FATAL
         name = _STATUS[exc.status] if 0 <= exc.status < len(_STATUS) else str(exc.status)
         return FmuError(self._explained(f"{exc.function} returned {name}"))
 
