@@ -5,11 +5,13 @@ import tempfile
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from ctypes import byref
 from pathlib import Path
 from typing import Any
 
-from fmpy import extract, fmi2, fmi3, instantiate_fmu
+from fmpy import calloc, extract, fmi2, fmi3, free
 from fmpy.fmi1 import FMICallException
+from fmpy.logging import addLoggerProxy
 
 from stepbus_participant import scratch_folder
 from stepbus_schemas import RunError, WiringError, error_text
@@ -26,6 +28,41 @@ class FmuError(RunError):
     """A call of an FMU has failed. The text has what the FMU logged last."""
 
 
+class _Program:
+    """The program of an FMU. Functions may be missing, such as those of another interface.
+
+    FMPy demands all (FMPy#804); Simulink exports none of model exchange (FMPy#700).
+    """
+
+    def __init__(self, library: Any) -> None:
+        self._library = library
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return getattr(self._library, name)
+        except AttributeError:
+
+            def missing(*_: Any) -> None:
+                raise FmuError(f"its program has no function {name}")
+
+            return missing
+
+
+class _Partial:
+    def _loadFunctions(self) -> None:  # noqa: N802  (as FMPy calls it)
+        self.dll = _Program(self.dll)
+        super()._loadFunctions()
+
+
+# FMPy goes by the beginning of these names.
+class FMU2Partial(_Partial, fmi2.FMU2Slave):
+    """An FMU for FMI 2.0."""
+
+
+class FMU3Partial(_Partial, fmi3.FMU3Slave):
+    """An FMU for FMI 3.0."""
+
+
 class Values:
     """Variables of one type that are read and written together, in buffers made once."""
 
@@ -40,6 +77,7 @@ class Values:
         self._references = [item.reference for item in variables]
         self._is_plain = variables[0].kind not in (str, bytes)
         self.kind = variables[0].kind
+        self._title = ", ".join(item.name for item in variables[:5])
         self.count = sum(item.size for item in variables)
         self._vr = (getattr(module, f"{prefix}ValueReference") * len(variables))(*self._references)
         if self._is_plain:
@@ -65,7 +103,7 @@ class Values:
         self.buffer[:] = given
         # ctypes cuts off what does not fit.
         if self.kind is int and self.buffer[:] != given:
-            raise FmuError(f"{given} does not fit the type {self._names[1][7:]}")
+            raise FmuError(f"{self._title}: {given} does not fit the type {self._names[1][7:]}")
         fmu = self._fmu
         fmu._call(self._names[1], fmu.component, self._vr, *self._arguments)
 
@@ -99,23 +137,38 @@ class Instance:
     def instantiate(self, *, event_mode: bool) -> None:
         """Load the program of the FMU, and make the instance."""
         self.has_events = self._is_3 and event_mode and bool(self.model.can.hasEventMode)
-        more = {"event_mode_used": self.has_events, "early_return_allowed": True}
         binaries = sorted(item.name for item in (self._folder / "binaries").glob("*"))
         try:
-            self._fmu = instantiate_fmu(
-                str(self._folder),
-                self.model.description,
-                "CoSimulation",
-                debug_logging=self._logs,
-                logger=self._log_3 if self._is_3 else self._log_2,
-                require_functions=False,
-                **more if self._is_3 else {},
-            )
+            self._fmu = self._instantiated()
         except Exception as exc:
-            text = str(exc).replace(str(self._folder), self.model.file)
+            text = str(exc).replace(str(self._folder), self.model.file).rstrip(".")
             if "Cannot find shared library" in text:
                 text += f"; it has programs for {', '.join(binaries) or 'no platform'}"
             raise WiringError(self._explained(f"{self.model.file}: {text}")) from exc
+
+    def _instantiated(self) -> Any:
+        said = self.model.description
+        make = FMU3Partial if self._is_3 else FMU2Partial
+        fmu = make(
+            guid=said.guid,
+            modelIdentifier=self.model.can.modelIdentifier,
+            unzipDirectory=str(self._folder),
+        )
+        if self._is_3:
+            fmu.instantiate(
+                loggingOn=self._logs,
+                eventModeUsed=self.has_events,
+                earlyReturnAllowed=True,
+                logMessage=self._log_3,
+            )
+            return fmu
+        calls = fmi2.fmi2CallbackFunctions()
+        calls.logger = fmi2.fmi2CallbackLoggerTYPE(self._log_2)
+        calls.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
+        calls.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+        addLoggerProxy(byref(calls))
+        fmu.instantiate(callbacks=calls, loggingOn=self._logs)
+        return fmu
 
     def initialize(self, values: Mapping[str, Any], time: float, tolerance: float | None) -> None:
         """Set the start values and initialize the FMU at a time [s]."""

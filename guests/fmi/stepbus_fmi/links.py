@@ -116,7 +116,7 @@ class Wiring:
         """Yield the wires of a link: one, or those of all elements of an array."""
         item, first = self._model.places.get(name) or (self._model.find(name), None)
         if item.causality != "input":
-            raise WiringError(f"{name} is no input of the FMU but a {item.causality} variable")
+            raise WiringError(f"{name} is no input of the FMU: its causality is {item.causality}")
         indices = range(item.size) if first is None else [first]
         port, _, what = link.from_.partition(".")
         if port not in self._rows or not what:

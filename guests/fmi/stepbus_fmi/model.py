@@ -136,7 +136,8 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     except WiringError:
         raise
     except Exception as exc:  # FMPy raises what its parsers raise
-        raise WiringError(f"{name} is no FMU: {error_text(exc)}") from exc
+        why = _broken_rule(fmpy, open_fmu(path, inside)) or error_text(exc)
+        raise WiringError(f"{name} is no FMU: {why}") from exc
     if description.fmiVersion[:1] not in ("2", "3"):
         raise WiringError(
             f"{name} is for FMI {description.fmiVersion}; stepbus takes FMI 2.0 and 3.0: export it "
@@ -152,6 +153,17 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     if clocks:
         raise WiringError(f"{name} has clocks ({', '.join(clocks[:5])}), which are not supported")
     return Model(name, description, _variables(description, start or {}, name))
+
+
+def _broken_rule(fmpy: Any, file: Path | IO[bytes]) -> str:
+    """Return what the schema finds wrong first in a model description that FMPy cannot read."""
+    try:
+        fmpy.read_model_description(file, validate=True)
+    except fmpy.model_description.ValidationError as exc:
+        return str(exc.problems[0])
+    except Exception:  # noqa: BLE001  nothing that a schema describes
+        return ""
+    return ""
 
 
 def _variables(description: Any, start: Mapping[str, Any], name: str) -> dict[str, Variable]:
