@@ -6,12 +6,14 @@ wrong in another process, and their program may end the process that tries it.
 """
 
 import json
+import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from stepbus_participant import Problems
+from stepbus_participant import Problems, scratch_folder
 from stepbus_schemas import StepbusError
 
 from .params import Params
@@ -28,9 +30,10 @@ def state_problem(params: Params, h: float) -> str:
     asked = [str(params.fmu), params.inside, json.dumps(params.start), repr(params.start_time)]
     words = [sys.executable, "-P", "-m", __name__, *asked, repr(h), json.dumps(params.event_mode)]
     try:
-        saved = _ran(words, b"")
-        state, outputs = json.loads(saved)
-        again = json.loads(_ran(words, bytes.fromhex(state)))[1]
+        # One that crashes leaves what it has unpacked.
+        with tempfile.TemporaryDirectory(prefix="stepbus-fmu-", dir=scratch_folder()) as folder:
+            state, outputs = json.loads(_ran(words, b"", folder))
+            again = json.loads(_ran(words, bytes.fromhex(state), folder))[1]
     except (OSError, ValueError, subprocess.SubprocessError) as exc:
         return f"a trial in another process failed: {_why(exc)}"
     return "" if again == outputs else "restored in another process, it goes another way"
@@ -47,8 +50,15 @@ def _why(exc: Exception) -> str:
     )
 
 
-def _ran(words: Sequence[str], state: bytes) -> bytes:
-    done = subprocess.run(words, input=state, capture_output=True, timeout=_LONGEST_S, check=True)
+def _ran(words: Sequence[str], state: bytes, folder: str) -> bytes:
+    done = subprocess.run(
+        words,
+        input=state,
+        capture_output=True,
+        timeout=_LONGEST_S,
+        check=True,
+        env={**os.environ, "TMPDIR": folder},
+    )
     return done.stdout.rpartition(b"\n")[2]
 
 
