@@ -112,7 +112,7 @@ class Wiring:
         """Return the wires of a link by their targets: one, or one for each element of an array."""
         item, first = self._model.places.get(name) or (self._model.find(name), None)
         if item.causality != "input":
-            raise WiringError(f"{name} is no input of the FMU but a {item.causality} variable")
+            raise WiringError(f"{name} is no input of the FMU: its causality is {item.causality}")
         port, _, what = link.from_.partition(".")
         if port not in self._rows or not what:
             text = f"{link.from_!r} names no input port; write PORT.NAME"

@@ -9,6 +9,7 @@ from itertools import product
 from math import prod
 from pathlib import Path
 from typing import IO, Any
+from xml.etree import ElementTree as ET
 
 from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError, error_text
@@ -136,7 +137,8 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     except WiringError:
         raise
     except Exception as exc:  # FMPy raises what its parsers raise
-        raise WiringError(f"{name} is no FMU: {error_text(exc)}") from exc
+        why = _broken_rule(fmpy, open_fmu(path, inside)) or error_text(exc)
+        raise WiringError(f"{name} is no FMU: {why}") from exc
     if description.fmiVersion[:1] not in ("2", "3"):
         raise WiringError(
             f"{name} is for FMI {description.fmiVersion}; stepbus takes FMI 2.0 and 3.0: export it "
@@ -151,19 +153,43 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     clocks = [item.name for item in description.modelVariables if item.type == "Clock"]
     if clocks:
         raise WiringError(f"{name} has clocks ({', '.join(clocks[:5])}), which are not supported")
-    return Model(name, description, _variables(description, start or {}, name))
+    is_binary = any(item.type == "Binary" for item in description.modelVariables)
+    media = _media(open_fmu(path, inside)) if is_binary else {}
+    return Model(name, description, _variables(description, start or {}, name, media))
 
 
-def _variables(description: Any, start: Mapping[str, Any], name: str) -> dict[str, Variable]:
+def _broken_rule(fmpy: Any, file: Path | IO[bytes]) -> str:
+    """Return what the schema finds wrong first in a model description that FMPy cannot read."""
+    try:
+        fmpy.read_model_description(file, validate=True)
+    except fmpy.model_description.ValidationError as exc:
+        return str(exc.problems[0])
+    except Exception:  # noqa: BLE001  nothing that a schema describes
+        return ""
+    return ""
+
+
+def _media(file: Path | IO[bytes]) -> dict[str, str]:
+    """Return the media types of binary variables by name, which FMPy does not read."""
+    with zipfile.ZipFile(file) as archive, archive.open("modelDescription.xml") as stream:
+        rows = ET.parse(stream).iter("Binary")  # noqa: S314  FMPy has read it
+        return {row.get("name", ""): row.get("mimeType", "") for row in rows}
+
+
+def _variables(
+    description: Any, start: Mapping[str, Any], name: str, media: Mapping[str, str]
+) -> dict[str, Variable]:
     found = {}
     for item in description.modelVariables:
         if item.type not in KINDS:
             raise WiringError(f"{name}: variable {item.name} has the unsupported type {item.type}")
-        found[item.name] = _variable(item, tuple(_shape(item, start, name)))
+        found[item.name] = _variable(
+            item, tuple(_shape(item, start, name)), media.get(item.name, "")
+        )
     return found
 
 
-def _variable(item: Any, shape: tuple[int, ...]) -> Variable:
+def _variable(item: Any, shape: tuple[int, ...], media: str) -> Variable:
     declared = item.declaredType
     return Variable(
         name=item.name,
@@ -177,7 +203,7 @@ def _variable(item: Any, shape: tuple[int, ...]) -> Variable:
         description=item.description or "",
         shape=shape,
         items=_items(declared) if declared is not None and item.type == "Enumeration" else (),
-        media=getattr(item, "mimeType", "") or "",
+        media=media,
     )
 
 

@@ -296,10 +296,10 @@ class Fmu(Participant):
         continuous = {group.values: group.next for group in self._continuous}
         events = {group.values: group.next for group in self._discrete} if self._is_changed else {}
         self._is_changed = False
-        instance.apply(continuous, events)
-        if self._slopes:
-            self._set_slopes()
         if not instance.ended:
+            instance.apply(continuous, events)
+            if self._slopes:
+                self._set_slopes()
             instance.step(now, self._h)
         if instance.ended:
             step.end(f"the FMU {self.model.description.modelName} ends the simulation")
