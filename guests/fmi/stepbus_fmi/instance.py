@@ -246,7 +246,7 @@ class Instance:
     def restore(self, saved: bytes) -> None:
         """Take a state that `save` returned."""
         fmu = self._fmu
-        state = self._do(fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUState, saved)
+        state = self._do(fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUstate, saved)
         try:
             self._do(fmu.setFMUState, state)
         finally:
