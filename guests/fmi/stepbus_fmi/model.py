@@ -151,7 +151,16 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     clocks = [item.name for item in description.modelVariables if item.type == "Clock"]
     if clocks:
         raise WiringError(f"{name} has clocks ({', '.join(clocks[:5])}), which are not supported")
-    return Model(name, description, _variables(description, start or {}, name))
+    return Model(name, description, _variables(description, named(start or {}), name))
+
+
+def named(start: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Return variable → start value: `{motor: {k: 2}}`, as `--set` writes it, is `motor.k`."""
+    found = {}
+    for name, value in start.items():
+        is_part = isinstance(value, Mapping)
+        found |= named(value, f"{within}{name}.") if is_part else {f"{within}{name}": value}
+    return found
 
 
 def _variables(description: Any, start: Mapping[str, Any], name: str) -> dict[str, Variable]:
