@@ -155,7 +155,16 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
         raise WiringError(f"{name} has clocks ({', '.join(clocks[:5])}), which are not supported")
     is_binary = any(item.type == "Binary" for item in description.modelVariables)
     media = _media(open_fmu(path, inside)) if is_binary else {}
-    return Model(name, description, _variables(description, start or {}, name, media))
+    return Model(name, description, _variables(description, named(start or {}), name, media))
+
+
+def named(start: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Return variable → start value: `{motor: {k: 2}}`, as `--set` writes it, is `motor.k`."""
+    found = {}
+    for name, value in start.items():
+        is_part = isinstance(value, Mapping)
+        found |= named(value, f"{within}{name}.") if is_part else {f"{within}{name}": value}
+    return found
 
 
 def _broken_rule(fmpy: Any, file: Path | IO[bytes]) -> str:

@@ -1,5 +1,6 @@
 """Units: of a model description, of messages, and as a scenario writes them."""
 
+import re
 from functools import cache
 from typing import Any
 
@@ -10,6 +11,17 @@ _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 """Base units that are compared. Models are not exact about angles: N·m is N·m/rad."""
 _NAMES = ("kilogram", "meter", "second", "ampere", "kelvin", "mole", "candela")
 _PINT = dict(zip(_NAMES, _BASES, strict=True))
+_PLAIN: dict[str, dict[str, int]] = {
+    **{base: {base: 1} for base in _BASES},
+    **{number: {} for number in ("1", "-", "rad")},
+    "Hz": {"s": -1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+}
+_FACTOR = re.compile(r"(-|1|[A-Za-z]+)([²³]?)")
 
 
 @cache
@@ -39,19 +51,40 @@ class Units:
     def conversion(self, given: str, wanted: str) -> tuple[float, float]:
         """Return factor and offset from one unit to another.
 
-        Raises WiringError for units of different dimensions, or unknown ones.
+        given: a field whose unit depends on a mode has several, with commas; the one that fits
+        counts. Raises WiringError for units of different dimensions, or unknown ones.
         """
         if given == wanted or not given or not wanted:
             return 1.0, 0.0
-        (factor, offset, powers), (other, shift, needed) = self._of(given), self._of(wanted)
-        if powers != needed:
-            raise WiringError(f"unit {given!r} is no {wanted!r}: they measure different quantities")
-        return factor / other, (offset - shift) / other
+        other, shift, needed = self._of(wanted)
+        for unit in given.split(", "):
+            factor, offset, powers = self._of(unit)
+            if powers == needed:
+                return factor / other, (offset - shift) / other
+        raise WiringError(f"unit {given!r} is no {wanted!r}: they measure different quantities")
 
     def _of(self, unit: str) -> tuple[float, float, dict[str, int]]:
         if unit not in self._own:
-            self._own[unit] = _by_pint(unit)
+            powers = _plain(unit)
+            self._own[unit] = _by_pint(unit) if powers is None else (1.0, 0.0, powers)
         return self._own[unit]
+
+
+def _plain(unit: str) -> dict[str, int] | None:
+    """Return the powers of a unit without prefix, as messages have them; None for any other.
+
+    pint takes a second to load, and a run with ten FMUs would pay it ten times.
+    """
+    found: dict[str, int] = {}
+    for number, part in enumerate(unit.split("/")):
+        for factor in part.split("·"):
+            match = _FACTOR.fullmatch(factor)
+            if match is None or match[1] not in _PLAIN:
+                return None
+            power = {"²": 2, "³": 3}.get(match[2], 1) * (-1 if number else 1)
+            for base, count in _PLAIN[match[1]].items():
+                found[base] = found.get(base, 0) + power * count
+    return {base: count for base, count in found.items() if count}
 
 
 def _by_pint(unit: str) -> tuple[float, float, dict[str, int]]:
