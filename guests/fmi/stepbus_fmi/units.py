@@ -1,5 +1,6 @@
 """Units: of a model description, of messages, and as a scenario writes them."""
 
+import re
 from functools import cache
 from typing import Any
 
@@ -36,14 +37,19 @@ class Units:
                 inverse = factor / float(shown.factor)
                 self._own[shown.name] = inverse, offset - inverse * float(shown.offset), powers
 
-    def conversion(self, given: str, wanted: str) -> tuple[float, float]:
-        """Return factor and offset from one unit to another.
+    def conversion(
+        self, given: str, wanted: str, others: "Units | None" = None
+    ) -> tuple[float, float]:
+        """Return factor and offset from one unit to another. others: those that know the second.
 
         Raises WiringError for units of different dimensions, or unknown ones.
         """
         if given == wanted or not given or not wanted:
             return 1.0, 0.0
-        (factor, offset, powers), (other, shift, needed) = self._of(given), self._of(wanted)
+        (factor, offset, powers), (other, shift, needed) = (
+            self._of(given),
+            (others or self)._of(wanted),
+        )
         if powers != needed:
             raise WiringError(f"unit {given!r} is no {wanted!r}: they measure different quantities")
         return factor / other, (offset - shift) / other
@@ -56,7 +62,9 @@ class Units:
 
 def _by_pint(unit: str) -> tuple[float, float, dict[str, int]]:
     """Return factor and offset to SI, and the powers of the base units."""
-    text = unit.replace("·", "*").replace("²", "**2").replace("³", "**3")
+    text = unit.replace("·", "*").replace("²", "**2").replace("³", "**3").strip("[]")
+    # Modelica has `W/(m2.K)`.
+    text = re.sub(r"(?<=[A-Za-z])-?\d+", r"**\g<0>", text.replace(".", "*"))
     if text in ("-", "1"):
         return 1.0, 0.0, {}
     try:
