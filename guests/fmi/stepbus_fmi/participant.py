@@ -268,7 +268,8 @@ class Fmu(Participant):
         """Connect the input variables; raises SettingsError that lists what is wrong."""
         problems = self.config.problems()
         wiring = Wiring(self.model, self._units, self.config, inputs)
-        wires = wiring.wires(self._params.inputs, problems.below(("params",)))
+        links, by_name = self._params.inputs, self._params.by_name
+        wires = wiring.wires(links, problems.below(("params",)), by_name=by_name)
         problems.refuse()
         used = list(dict.fromkeys(wire.variable for wire in wires))
         is_event = {v.name: v.variability != "continuous" for v in used}
