@@ -17,6 +17,11 @@ _PORTS = (
 _STEP_NS = 10_000_000
 
 
+def port_of(kind: type) -> tuple[str, str]:
+    """Return the output port of the values of a kind, and its type."""
+    return next((port, type_) for port, of, type_ in _PORTS if of is kind)
+
+
 def scenario_name(text: str) -> str:
     """Return a text as the name of a scenario or a participant."""
     return re.sub(r"[^A-Za-z0-9_-]+", "_", text).lstrip("_-")[:64] or "fmu"
