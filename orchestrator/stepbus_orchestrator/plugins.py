@@ -27,6 +27,8 @@ OVERLAYS = "stepbus.overlays"
 
 SCENARIO_FILES = "stepbus.scenario_files"
 """Ending, such as `.fmu` → `(path) -> data` of the scenario that such a file stands for."""
+STARTERS = "stepbus.starters"
+"""Ending, such as `.fmu` → `(path, name) -> files` of what `stepbus new` makes of such a file."""
 ABOUT = "stepbus.about"
 """A participant's class → `(participant, scenario) -> lines` that `stepbus describe` adds."""
 

@@ -1,9 +1,12 @@
 """Files that stand for a scenario, or for a participant: an FMU, and a system of them (SSP)."""
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from stepbus_participant import format_duration
 
 from .model import Model, capabilities, read_model
 
@@ -35,6 +38,27 @@ def fmu_scenario(path: Path) -> dict[str, Any]:
     model = read_model(path)
     name = scenario_name(str(model.description.modelName or path.stem))
     return scenario(name, {name: participant(model, path.name)}, [model])
+
+
+def fmu_starter(path: Path, name: str) -> dict[str, bytes]:
+    """Return file → content of a folder with a scenario of an FMU, for the user to go on with."""
+    model, made = read_model(path), fmu_scenario(path)
+    rows = [f"name: {name}", f"step: {made['step']}", f"duration: {made['duration']}"]
+    rows += ["participants:", f"  {next(iter(made['participants']))}:"]
+    rows += [f"    participant: {path.name}"]
+    inputs = model.of("input")
+    parameters = [*model.of("structuralParameter"), *model.of("parameter")]
+    rows += ["    # inputs:", "    #   in: PARTICIPANT.OUTPUT"] if inputs else []
+    rows += ["    # params:"] if inputs or parameters else []
+    for key, items in (("inputs", inputs), ("start", parameters)):
+        rows += [f"    #   {key}:"] if items else []
+        for item in items:
+            start = f"[{', '.join((item.start or '').split())}]" if item.shape else item.start
+            value = "in.NAME" if key == "inputs" else start
+            unit = f" [{item.unit}]" if item.unit else ""
+            row = f"    #     {json.dumps(item.name)}: {value}    # {item.description}{unit}"
+            rows.append(row.rstrip(" #"))
+    return {"scenario.yaml": "\n".join((*rows, "")).encode(), path.name: path.read_bytes()}
 
 
 def participant(model: Model, fmu: str, inside: str = "") -> dict[str, Any]:
@@ -70,8 +94,8 @@ def scenario(
     steps = max(1, round(stop_s * 1e9 / step_ns))
     return {
         "name": name,
-        "step": f"{step_ns}ns",
-        "duration": f"{steps * step_ns}ns",
+        "step": format_duration(step_ns),
+        "duration": format_duration(steps * step_ns),
         "types": ["stepbus_fmi.messages"],
         "participants": dict(participants),
     }
