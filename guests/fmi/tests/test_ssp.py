@@ -159,7 +159,7 @@ INNER = (
 
 def ran(data, folder, **more):
     """Return participant → values of its real outputs, at each step."""
-    data = {**data, "step": "10ms", "duration": "500ms", **more}
+    data = {**data, "step": "7812500ns", "duration": "390625us", **more}
     result = stepbus.run(stepbus.load(data, folder=folder), out=folder / "run")
     assert result.exit_code == 0, result.reason
     recording = stepbus.Recording(folder / "run")
@@ -181,7 +181,7 @@ def test_values_are_to_the_bit_those_of_a_loop_over_fmpy(make, tmp_path, block):
     ]
     blocks = {"a": {"k": 3.5}, "b": {}, "inner_c": {"k": 0.7}}
     (tmp_path / "Block.fmu").write_bytes(block)
-    asked = json.dumps([str(tmp_path / "Block.fmu"), blocks, wires, 50, 0.01])
+    asked = json.dumps([str(tmp_path / "Block.fmu"), blocks, wires, 50, 1 / 128])
     done = subprocess.run([sys.executable, "-c", LOOP, asked], check=True, capture_output=True)
     for step, row in enumerate(json.loads(done.stdout)):
         assert {name: float(got[name][step]).hex() for name in got} == row
@@ -295,7 +295,7 @@ def test_a_system_in_a_file_of_its_own(make, block, tmp_path):
 def test_times_are_those_of_the_system(make):
     data = make(PAIR, root='<ssd:DefaultExperiment startTime="2" stopTime="2.5"/>')
     assert data["participants"]["a"]["params"]["start_time"] == 2.0
-    assert data["duration"] == "500000000ns"
+    assert data["duration"] == "500ms"
 
 
 def test_annotations_and_other_elements_are_ignored(make):
