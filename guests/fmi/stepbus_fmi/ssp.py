@@ -219,7 +219,8 @@ class _System:
             text = leg.text if leg else f"{'.'.join(node)}"
             try:
                 wire, start = self._flow(node, ())
-                if start is not None:
+                # An input has its own start value until the first value reaches it.
+                if start is not None and not (start.origin and target.causality == "input"):
                     part.row["params"]["start"][node[-1]] = _fitting(start.value, target)
                 if wire is not None:
                     self._wire(part, target, node[-1], wire)
@@ -246,7 +247,7 @@ class _System:
             wire = Signal(node, unit, units)
             item = _variable(part.model, node[-1])
             if start is None and item.initial == "exact" and item.start and not item.shape:
-                start = Signal((), unit, units, value_of(item.type_name, item.start, item.name))
+                start = Signal(node, unit, units, value_of(item.type_name, item.start, item.name))
         return wire, start
 
     def _known(self, node: Node) -> tuple[str, Units, Mapping[str, int]]:
