@@ -118,7 +118,7 @@ def open_fmu(path: Path, inside: str = "") -> Path | IO[bytes]:
     for name in inside.split("!") if inside else ():
         try:
             with zipfile.ZipFile(file) as archive:
-                file = io.BytesIO(archive.read(name))
+                file = io.BytesIO(archive.read(name.removeprefix("/")))
         except (OSError, zipfile.BadZipFile, KeyError) as exc:
             raise WiringError(f"{path.name} has no {inside!r}: {error_text(exc)}") from exc
     return file
@@ -131,7 +131,7 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     Raises WiringError where it cannot be read, or the FMU cannot take part.
     """
     (fmpy,) = need("an FMU", "fmpy")
-    name = f"{path.name}/{inside}" if inside else path.name
+    name = f"{path.name}/{inside.removeprefix('/')}" if inside else path.name
     try:
         description = fmpy.read_model_description(open_fmu(path, inside), validate=False)
     except WiringError:

@@ -31,7 +31,7 @@ class Params(Settings):
     """The FMU, or the archive that has it."""
     inside: str = ""
     """Where the FMU is in that archive, such as `resources/motor.fmu` of an SSP. In an archive in
-    it: `resources/arm.ssp!resources/motor.fmu`."""
+    it: `resources/arm.ssp!/resources/motor.fmu`."""
     start: dict[str, Any] = {}
     """Variable → start value: a number, `"3 kg"` with a unit, a boolean, a text, the name of an
     enumeration's item; for an array, a list."""

@@ -41,7 +41,7 @@ class Archive:
 
     def __init__(self, path: Path, inside: str = "") -> None:
         self.path, self._inside = path, inside
-        self.of = f"{inside}: " if inside else ""
+        self.of = f"{inside.removeprefix('/')}: " if inside else ""
         (self._etree,) = need("an SSP", "lxml.etree")
         try:
             with zipfile.ZipFile(open_fmu(path, inside)) as archive:
@@ -57,11 +57,12 @@ class Archive:
         name = unquote(source).removeprefix("./")
         if name not in self._sizes:
             raise WiringError(f"{self.of}{what} needs {source!r}, which is not in the archive")
-        return f"{self._inside}!{name}" if self._inside else name
+        # Absolute, so that it is not taken for a file beside the scenario.
+        return f"{self._inside}!/{name}" if self._inside else f"/{name}"
 
     def xml(self, name: str, root: str, what: str = "an SSP") -> Any:
         """Return the root of an XML file."""
-        name = self.place(name, what).rpartition("!")[2]
+        name = self.place(name, what).rpartition("!")[2].removeprefix("/")
         if self._sizes[name] > _LARGEST:
             raise WiringError(f"{self.of}{name} has more than {_LARGEST >> 20} MB")
         # Nothing outside of the file is read, and no entity is expanded.
