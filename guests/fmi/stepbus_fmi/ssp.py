@@ -5,14 +5,14 @@ one FMU to that of another, through as many connectors of systems as there are i
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from stepbus_schemas import WiringError, suggest
 
 from .files import participant, port_of, scenario, scenario_name
-from .model import KINDS, Model, Variable, read_model
+from .model import Model, Variable, read_model
 from .ssp_files import (
     Archive,
     Signal,
@@ -51,8 +51,8 @@ def system_scenario(path: Path) -> dict[str, Any]:
         None if (text := experiment.get(key)) is None else value_of("Real", text, key)
         for key in ("startTime", "stopTime")
     )
+    system.connect()
     for part in system.parts.values():
-        system.connect(part)
         part.row["params"]["start_time"] = start or 0.0
     rows = {part.name: part.row for part in system.parts.values()}
     models = [part.model for part in system.parts.values()]
@@ -171,7 +171,7 @@ class _System:
     def _named(self, path: Node, name: str) -> Iterator[Node]:
         """Yield the variables and connectors that have a name in an element, if there are any."""
         part = self.parts.get(path)
-        if name in _names(part.model) if part else (*path, name) in self._connectors:
+        if _has(part.model, name) if part else (*path, name) in self._connectors:
             yield (*path, name)
         for child in self._children.get(path, ()):
             if name.startswith(f"{child}."):
@@ -201,22 +201,23 @@ class _System:
     def _kind(self, node: Node, text: str) -> str:
         """Return the kind of a connector; raises WiringError where there is none."""
         part = self.parts.get(node[:-1])
-        if part is not None and node[-1] in _names(part.model):
+        if part is not None and _has(part.model, node[-1]):
             return _variable(part.model, node[-1]).causality
         if part is None and node in self._connectors:
             return self._connectors[node].kind
-        near = (n[-1] for n in self._connectors if n[:-1] == node[:-1])
-        known = list(_names(part.model) if part else near)
+        known = (
+            part.model.places if part else [n[-1] for n in self._connectors if n[:-1] == node[:-1]]
+        )
         raise WiringError(
             f"{text}: {_words(node[:-1])} has no {node[-1]!r}{suggest(node[-1], known)}"
         )
 
-    def connect(self, part: _Part) -> None:
-        """Write start values and inputs of a component into its participant."""
-        nodes = dict.fromkeys((*self._values, *self._into))
-        for node in [node for node in nodes if node[:-1] == part.path]:
+    def connect(self) -> None:
+        """Write start values and inputs of all components into their participants."""
+        for node in dict.fromkeys((*self._values, *self._into)):
+            if (part := self.parts.get(node[:-1])) is None:
+                continue
             target, leg = _variable(part.model, node[-1]), self._into.get(node)
-            text = leg.text if leg else f"{'.'.join(node)}"
             try:
                 wire, start = self._flow(node, ())
                 # An input has its own start value until the first value reaches it.
@@ -225,7 +226,7 @@ class _System:
                 if wire is not None:
                     self._wire(part, target, node[-1], wire)
             except WiringError as exc:
-                raise WiringError(f"{text}: {exc}") from exc
+                raise WiringError(f"{leg.text if leg else '.'.join(node)}: {exc}") from exc
 
     def _flow(self, node: Node, above: tuple[Node, ...]) -> tuple[Signal | None, Signal | None]:
         """Return what reaches a connector, and its start value, both in its unit."""
@@ -242,12 +243,16 @@ class _System:
                 signal and signal.through(leg.by, unit, units, (before, items))
                 for signal in self._flow(leg.source, (*above, node))
             )
-            start = begins or start
+            if begins is not None and not (begins.origin and start):
+                start = begins
         elif (part := self.parts.get(node[:-1])) is not None and above:
             wire = Signal(node, unit, units)
             item = _variable(part.model, node[-1])
-            if start is None and item.initial == "exact" and item.start and not item.shape:
-                start = Signal(node, unit, units, value_of(item.type_name, item.start, item.name))
+            if start is not None:
+                start = replace(start, origin=node)
+            elif item.initial == "exact" and item.start and not item.shape:
+                kind = "Integer" if item.kind is int else item.type_name
+                start = Signal(node, unit, units, value_of(kind, item.start, item.name))
         return wire, start
 
     def _known(self, node: Node) -> tuple[str, Units, Mapping[str, int]]:
@@ -273,14 +278,15 @@ class _System:
             raise WiringError("an element is connected with itself, which is not supported")
         if item.kind is not target.kind and (item.kind, target.kind) != (int, float):
             raise WiringError(f"{item.type_name} is connected with {target.type_name}")
-        if item.causality != "output" and item.name not in source.row["params"].setdefault(
-            "publish", []
-        ):
-            source.row["params"]["publish"].append(item.name)
+        if item.causality != "output":
+            published = source.row["params"].setdefault("publish", [])
+            published += [] if item.name in published else [item.name]
         output, type_ = port_of(item.kind)
         source.row["outputs"].setdefault(output, type_)
         port = source.name + output.removeprefix("out")
-        part.row["inputs"][port] = f"{source.name}.{output}"
+        place = f"{source.name}.{output}"
+        if part.row["inputs"].setdefault(port, place) != place:
+            raise WiringError(f"two input ports of {part.name} would have the name {port!r}")
         link = {"from": f"{port}.{wire.origin[-1]}", "convert": False}
         if wire.scale != (1.0, 0.0):
             link |= {"factor": wire.scale[0], "offset": wire.scale[1]}
@@ -293,9 +299,8 @@ def _words(path: Node) -> str:
     return f"element {'.'.join(path)}" if path else "the system"
 
 
-def _names(model: Model) -> Mapping[str, Any]:
-    """Return what of a model has a name: variables, and places of arrays."""
-    return {**model.places, **model.variables}
+def _has(model: Model, name: str) -> bool:
+    return name in model.variables or name in model.places
 
 
 def _variable(model: Model, name: str) -> Variable:
@@ -305,10 +310,15 @@ def _variable(model: Model, name: str) -> Variable:
 def _items(root: Any, name: str | None) -> dict[str, int]:
     """Return the items of an enumeration that a file defines."""
     found = [e for e in children(root, "Enumerations/Enumeration") if e.get("name") == name]
-    return {i.get("name"): int(i.get("value")) for e in found for i in children(e, "Item")}
+    what = f"an item of the enumeration {name}"
+    return {
+        required(item, "name", what): value_of("Integer", required(item, "value", what), what)
+        for one in found
+        for item in children(one, "Item")
+    }
 
 
 def _fitting(value: Any, target: Variable) -> Any:
     """Return a value for a variable: a whole number for an integer."""
-    whole = isinstance(value, float) and value.is_integer() and KINDS[target.type_name] is int
+    whole = isinstance(value, float) and value.is_integer() and target.kind is int
     return int(value) if whole else value

@@ -14,6 +14,7 @@ from stepbus_schemas import WiringError, error_text
 from .model import KINDS, open_fmu
 from .units import Units
 
+_BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 _LARGEST = 64 << 20
 _KINDS = {**KINDS, "Enumeration": str, "Binary": str}
 
@@ -69,12 +70,11 @@ class Archive:
         parser = self._etree.XMLParser(
             resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True
         )
-        with zipfile.ZipFile(open_fmu(self.path, self._inside)) as archive:
-            text = archive.read(name)
         try:
-            read = self._etree.fromstring(text, parser)
-        except self._etree.XMLSyntaxError as exc:
-            raise WiringError(f"{self.of}{name} is no XML: {error_text(exc)}") from exc
+            with zipfile.ZipFile(open_fmu(self.path, self._inside)) as archive:
+                read = self._etree.fromstring(archive.read(name), parser)
+        except Exception as exc:  # zipfile raises what its decoders do
+            raise WiringError(f"{self.of}{name} cannot be read: {error_text(exc)}") from exc
         if read.getroottree().docinfo.doctype:
             raise WiringError(f"{self.of}{name} has a DOCTYPE, which SSP does not allow")
         if tag(read) != root:
@@ -86,10 +86,15 @@ def read_units(root: Any) -> Units:
     """Return the units that a file defines."""
     made = []
     for unit in children(root, "Units/Unit"):
-        known = {**dict.fromkeys(("kg", "m", "s", "A", "K", "mol", "cd", "offset"), 0), "factor": 1}
-        base = next((known | dict(item.attrib) for item in children(unit, "BaseUnit")), None)
-        row = None if base is None else SimpleNamespace(**base)
-        made.append(SimpleNamespace(name=unit.get("name"), baseUnit=row, displayUnits=()))
+        name, base = unit.get("name"), next(children(unit, "BaseUnit"), None)
+        row = None
+        if base is not None:
+            texts = {**dict.fromkeys((*_BASES, "offset"), "0"), "factor": "1", **base.attrib}
+            row = {key: value_of("Real", text, f"unit {name}") for key, text in texts.items()}
+            if not row["factor"]:
+                raise WiringError(f"unit {name} has the factor 0")
+            row = SimpleNamespace(**row)
+        made.append(SimpleNamespace(name=name, baseUnit=row, displayUnits=()))
     return Units(SimpleNamespace(unitDefinitions=made))
 
 

@@ -292,6 +292,58 @@ def test_a_system_in_a_file_of_its_own(make, block, tmp_path):
     ran(data, tmp_path)
 
 
+def described(folder, *variables):
+    """Return the bytes of an FMU without a program."""
+    kinds = '<TypeDefinitions><SimpleType name="T"><Enumeration><Item name="off" value="1"/>'
+    kinds += '<Item name="on" value="4"/></Enumeration></SimpleType></TypeDefinitions>'
+    xml = fmus.xml2(variables, types=kinds)
+    return fmus.zipped(folder / "model.fmu", {"modelDescription.xml": xml}).read_bytes()
+
+
+def test_enumerations_are_mapped_by_the_names_of_their_items(make, tmp_path):
+    row = 'name="{}" valueReference="{}" causality="{}" variability="discrete">'
+    kind = '<Enumeration declaredType="T" start="1"/>'
+    fmu = described(
+        tmp_path, row.format("e", 0, "input") + kind, row.format("f", 1, "output") + kind
+    )
+    table = "<ssc:EnumerationMappingTransformation>{}</ssc:EnumerationMappingTransformation>"
+    swap = table.format('<ssc:MapEntry source="off" target="on"/>')
+    parts = elements(*(component(name, source="resources/e.fmu") for name in "ab"))
+    values = bindings(parameter_set(**{"a.e": 'Enumeration value="on"'}))
+    files = {"resources/e.fmu": fmu}
+    data = make(parts + connections(("a.f", "b.e", "", swap)) + values, **files)
+    assert start(data, "a") == {"e": "on"}
+    assert inputs(data, "b")["e"]["table"] == [[1, 4]]
+    wrong = table.format('<ssc:MapEntry source="of" target="on"/>')
+    with pytest.raises(WiringError, match="the connector has no item 'of'"):
+        make(parts + connections(("a.f", "b.e", "", wrong)), **files)
+
+
+def test_a_constant_of_one_element_is_a_parameter_of_another(make, tmp_path):
+    fmu = described(
+        tmp_path,
+        'name="c" valueReference="0" causality="output" variability="constant"><Real start="3"/>',
+        'name="p" valueReference="1" causality="parameter" variability="fixed"><Real start="1"/>',
+    )
+    parts = elements(*(component(name, source="resources/c.fmu") for name in "ab"))
+    joined = connections(("a.c", "b.p", "", linear(2)))
+    data = make(parts + joined, **{"resources/c.fmu": fmu})
+    assert (start(data, "b"), inputs(data, "b")) == ({"p": 6.0}, {})
+
+
+def test_a_scenario_in_another_folder_goes_on_from_a_system(make, tmp_path, block):
+    make(PAIR + connections(("a.y", "b.u")))
+    folder = tmp_path / "other"
+    folder.mkdir()
+    (tmp_path / "resources").mkdir()
+    (tmp_path / "resources/Block.fmu").write_bytes(b"not this one")
+    text = "extends: ../system.ssp\nstep: 10ms\nduration: 100ms\n"
+    (folder / "scenario.yaml").write_text(text)
+    loaded = stepbus.load(folder / "scenario.yaml", set={"a.params.start.k": 9})
+    result = stepbus.run(loaded, out=folder / "run")
+    assert result.exit_code == 0, result.reason
+
+
 def test_times_are_those_of_the_system(make):
     data = make(PAIR, root='<ssd:DefaultExperiment startTime="2" stopTime="2.5"/>')
     assert data["participants"]["a"]["params"]["start_time"] == 2.0
@@ -361,7 +413,7 @@ def test_what_cannot_run_is_refused_by_name(make, system, text):
     [
         (None, "no SSP: BadZipFile: File is not a zip file"),
         ({"x": ""}, "an SSP needs 'SystemStructure.ssd', which is not in the archive"),
-        ({"SystemStructure.ssd": "<a"}, "SystemStructure.ssd is no XML"),
+        ({"SystemStructure.ssd": "<a"}, "SystemStructure.ssd cannot be read: XMLSyntaxError"),
         ({"SystemStructure.ssd": "<a/>"}, "is a a, not a SystemStructureDescription"),
         ({"SystemStructure.ssd": '<!DOCTYPE a [<!ENTITY e SYSTEM "/etc/passwd">]><a>&e;</a>'},
          "has a DOCTYPE, which SSP does not allow"),
