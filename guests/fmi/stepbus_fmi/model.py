@@ -115,13 +115,14 @@ class Model:
 
 def open_fmu(path: Path, inside: str = "") -> Path | IO[bytes]:
     """Return an FMU, or the one inside an archive; raises WiringError where there is none."""
-    if not inside:
-        return path
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return io.BytesIO(archive.read(inside))
-    except (OSError, zipfile.BadZipFile, KeyError) as exc:
-        raise WiringError(f"{path.name} has no {inside!r}: {error_text(exc)}") from exc
+    file: Path | IO[bytes] = path
+    for name in inside.split("!") if inside else ():
+        try:
+            with zipfile.ZipFile(file) as archive:
+                file = io.BytesIO(archive.read(name.removeprefix("/")))
+        except (OSError, zipfile.BadZipFile, KeyError) as exc:
+            raise WiringError(f"{path.name} has no {inside!r}: {error_text(exc)}") from exc
+    return file
 
 
 def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = None) -> Model:
@@ -131,7 +132,7 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     Raises WiringError where it cannot be read, or the FMU cannot take part.
     """
     (fmpy,) = need("an FMU", "fmpy")
-    name = f"{path.name}/{inside}" if inside else path.name
+    name = f"{path.name}/{inside.removeprefix('/')}" if inside else path.name
     try:
         description = fmpy.read_model_description(open_fmu(path, inside), validate=False)
     except WiringError:

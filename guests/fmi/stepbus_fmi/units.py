@@ -11,21 +11,11 @@ _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 """Base units that are compared. Models are not exact about angles: N·m is N·m/rad."""
 _NAMES = ("kilogram", "meter", "second", "ampere", "kelvin", "mole", "candela")
 _PINT = dict(zip(_NAMES, _BASES, strict=True))
-_PLAIN: dict[str, dict[str, int]] = {
-    **{base: {base: 1} for base in _BASES},
-    **{number: {} for number in ("1", "-", "rad")},
-    "Hz": {"s": -1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "Pa": {"kg": 1, "m": -1, "s": -2},
-    "J": {"kg": 1, "m": 2, "s": -2},
-    "W": {"kg": 1, "m": 2, "s": -3},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-}
-_FACTOR = re.compile(r"(-|1|[A-Za-z]+)([²³]?)")
 
 
 @cache
-def _registry() -> Any:
+def registry() -> Any:
+    """Return pint's units. The first call takes a second, too long within a step."""
     (pint,) = need("units of an FMU", "pint")
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
 
@@ -48,15 +38,17 @@ class Units:
                 inverse = factor / float(shown.factor)
                 self._own[shown.name] = inverse, offset - inverse * float(shown.offset), powers
 
-    def conversion(self, given: str, wanted: str) -> tuple[float, float]:
-        """Return factor and offset from one unit to another.
+    def conversion(
+        self, given: str, wanted: str, others: "Units | None" = None
+    ) -> tuple[float, float]:
+        """Return factor and offset from one unit to another. others: those that know the second.
 
         given: a field whose unit depends on a mode has several, with commas; the one that fits
         counts. Raises WiringError for units of different dimensions, or unknown ones.
         """
         if given == wanted or not given or not wanted:
             return 1.0, 0.0
-        other, shift, needed = self._of(wanted)
+        other, shift, needed = (others or self)._of(wanted)
         for unit in given.split(", "):
             factor, offset, powers = self._of(unit)
             if powers == needed:
@@ -65,36 +57,20 @@ class Units:
 
     def _of(self, unit: str) -> tuple[float, float, dict[str, int]]:
         if unit not in self._own:
-            powers = _plain(unit)
-            self._own[unit] = _by_pint(unit) if powers is None else (1.0, 0.0, powers)
+            self._own[unit] = _by_pint(unit)
         return self._own[unit]
-
-
-def _plain(unit: str) -> dict[str, int] | None:
-    """Return the powers of a unit without prefix, as messages have them; None for any other.
-
-    pint takes a second to load, and a run with ten FMUs would pay it ten times.
-    """
-    found: dict[str, int] = {}
-    for number, part in enumerate(unit.split("/")):
-        for factor in part.split("·"):
-            match = _FACTOR.fullmatch(factor)
-            if match is None or match[1] not in _PLAIN:
-                return None
-            power = {"²": 2, "³": 3}.get(match[2], 1) * (-1 if number else 1)
-            for base, count in _PLAIN[match[1]].items():
-                found[base] = found.get(base, 0) + power * count
-    return {base: count for base, count in found.items() if count}
 
 
 def _by_pint(unit: str) -> tuple[float, float, dict[str, int]]:
     """Return factor and offset to SI, and the powers of the base units."""
-    text = unit.replace("·", "*").replace("²", "**2").replace("³", "**3")
+    text = unit.replace("·", "*").replace("²", "**2").replace("³", "**3").strip("[]")
+    # Modelica has `W/(m2.K)`.
+    text = re.sub(r"(?<=[A-Za-z])-?\d+", r"**\g<0>", text.replace(".", "*"))
     if text in ("-", "1"):
         return 1.0, 0.0, {}
     try:
-        registry = _registry()
-        zero, one = (registry.Quantity(value, text).to_base_units() for value in (0, 1))
+        known = registry()
+        zero, one = (known.Quantity(value, text).to_base_units() for value in (0, 1))
         powers = {_PINT[name]: int(p) for name, p in one.unit_items() if name != "radian"}
     except Exception as exc:  # pint's parser raises what Python's does
         raise WiringError(f"unknown unit {unit!r}: {error_text(exc)}") from exc
