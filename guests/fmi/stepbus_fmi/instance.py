@@ -49,17 +49,19 @@ class _Program:
 
 
 class _Partial:
+    dll: Any
+
     def _loadFunctions(self) -> None:  # noqa: N802  (as FMPy calls it)
         self.dll = _Program(self.dll)
-        super()._loadFunctions()
+        super()._loadFunctions()  # type: ignore[misc]
 
 
 # FMPy goes by the beginning of these names.
-class FMU2Partial(_Partial, fmi2.FMU2Slave):
+class FMU2Partial(_Partial, fmi2.FMU2Slave):  # type: ignore[misc]
     """An FMU for FMI 2.0."""
 
 
-class FMU3Partial(_Partial, fmi3.FMU3Slave):
+class FMU3Partial(_Partial, fmi3.FMU3Slave):  # type: ignore[misc]
     """An FMU for FMI 3.0."""
 
 
