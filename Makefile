@@ -1,4 +1,4 @@
-.PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots robots-page pictures check docs bench soak campaign simulate clean setup setup-demo
+.PHONY: comparison fmi-reference help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots robots-page pictures check docs bench soak campaign simulate clean setup setup-demo
 .NOTPARALLEL:  # `make -j demo test` would install twice at a time
 
 PYTHON := .venv/bin/python
@@ -28,6 +28,7 @@ help:
 	@echo "make lint-workflows check the GitHub workflows and the citation (part of check)"
 	@echo "make bench      measure steps/s and CPU time, compared with HELICS, mosaik and hand-written chains"
 	@echo "make comparison run one small task in stepbus and in its peers, each in its own environment (10 min)"
+	@echo "make fmi-reference compare the Reference FMUs that you have built, in REFERENCE_FMUS, with their results"
 	@echo "make soak       run a million steps: checks that memory stays constant and reports stay fast (5 min)"
 	@echo "make clean      remove .venv and caches; keep runs/"
 
@@ -85,6 +86,11 @@ nightly: setup robots
 	@$(MAKE) --no-print-directory campaign PART=campaign/test_runs.py CAMPAIGN='--seed=3 --count=30 --patience=2.5'
 	@$(MAKE) --no-print-directory campaign PART=campaign/store CAMPAIGN='--seed=3 --count=20'
 	@$(MAKE) --no-print-directory test-slow FRESH_EXAMPLES=
+
+# A checkout of modelica/Reference-FMUs, in which you have built the FMUs as its README says; FMUS=folders elsewhere.
+fmi-reference: setup
+	@$(PYTHON) guests/fmi/tests/reference.py \
+		$(or $(REFERENCE_FMUS),$(error REFERENCE_FMUS is the folder of your checkout of modelica/Reference-FMUs)) $(FMUS)
 
 chaos: setup
 	@$(PYTHON) -m pytest -m slow tests/orchestrator/faults/test_chaos.py
@@ -151,7 +157,8 @@ examples: examples-c examples-rust
 examples-c:
 	@command -v gcc >/dev/null || { echo "skipped examples/controllers/c: gcc is not installed"; exit 0; }; \
 		$(MAKE) --no-print-directory -C examples/controllers/c && \
-		$(MAKE) --no-print-directory -C examples/thruster
+		$(MAKE) --no-print-directory -C examples/thruster && \
+		$(MAKE) --no-print-directory -C examples/fmu_drives PYTHON=$(abspath $(PYTHON))
 
 examples-rust:
 	@command -v cargo >/dev/null || { echo "skipped examples/controllers/rust: cargo is not installed"; exit 0; }; \

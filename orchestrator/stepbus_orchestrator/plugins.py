@@ -26,7 +26,9 @@ OVERLAYS = "stepbus.overlays"
 """Message type → `(viser scene, path, message, poses) -> handles` of what a page shows of it."""
 
 SCENARIO_FILES = "stepbus.scenario_files"
-"""Ending such as `.fmu` → `(path) -> data` of the scenario that a file of another tool stands for."""
+"""Ending, such as `.fmu` → `(path) -> data` of the scenario that such a file stands for."""
+STARTERS = "stepbus.starters"
+"""Ending, such as `.fmu` → `(path, name) -> files` of what `stepbus new` makes of such a file."""
 ABOUT = "stepbus.about"
 """A participant's class → `(participant, scenario) -> lines` that `stepbus describe` adds."""
 

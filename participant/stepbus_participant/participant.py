@@ -175,7 +175,7 @@ class Participant:
         return {}
 
     def prepare_saves(self) -> None:
-        """Do what takes long, before the first step; called if the scenario requests checkpoints."""
+        """Do what takes long before step 0; called if the scenario requests checkpoints."""
 
     def save(self) -> bytes | None:
         """Return the state that the next step depends on, apart from its inputs; None if unknown.

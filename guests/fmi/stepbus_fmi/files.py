@@ -1,9 +1,12 @@
 """Files that stand for a scenario, or for a participant: an FMU, and a system of them (SSP)."""
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from stepbus_participant import format_duration
 
 from .model import Model, capabilities, read_model
 
@@ -15,6 +18,11 @@ _PORTS = (
     ("out_binaries", bytes, "Binaries/1"),
 )
 _STEP_NS = 10_000_000
+
+
+def port_of(kind: type) -> tuple[str, str]:
+    """Return the output port of the values of a kind, and its type."""
+    return next((port, type_) for port, of, type_ in _PORTS if of is kind)
 
 
 def scenario_name(text: str) -> str:
@@ -32,11 +40,32 @@ def fmu_scenario(path: Path) -> dict[str, Any]:
     return scenario(name, {name: participant(model, path.name)}, [model])
 
 
+def fmu_starter(path: Path, name: str) -> dict[str, bytes]:
+    """Return file → content of a folder with a scenario of an FMU, for the user to go on with."""
+    model, made = read_model(path), fmu_scenario(path)
+    rows = [f"name: {name}", f"step: {made['step']}", f"duration: {made['duration']}"]
+    rows += ["participants:", f"  {next(iter(made['participants']))}:"]
+    rows += [f"    participant: {path.name}"]
+    inputs = model.of("input")
+    parameters = [*model.of("structuralParameter"), *model.of("parameter")]
+    rows += ["    # inputs:", "    #   in: PARTICIPANT.OUTPUT"] if inputs else []
+    rows += ["    # params:"] if inputs or parameters else []
+    for key, items in (("inputs", inputs), ("start", parameters)):
+        rows += [f"    #   {key}:"] if items else []
+        for item in items:
+            start = f"[{', '.join((item.start or '').split())}]" if item.shape else item.start
+            value = "in.NAME" if key == "inputs" else start
+            unit = f" [{item.unit}]" if item.unit else ""
+            row = f"    #     {json.dumps(item.name)}: {value}    # {item.description}{unit}"
+            rows.append(row.rstrip(" #"))
+    return {"scenario.yaml": "\n".join((*rows, "")).encode(), path.name: path.read_bytes()}
+
+
 def participant(model: Model, fmu: str, inside: str = "") -> dict[str, Any]:
     """Return the participant of an FMU: as a plant, it publishes the state before it steps."""
     outputs = {port: type_ for port, kind, type_ in _PORTS if model.of("output", kind)}
     start = _number(model, "startTime") or 0.0
-    more = {"inside": inside} if inside else {}
+    more: dict[str, Any] = {"inside": inside} if inside else {}
     more |= {"start_time": start} if start else {}
     return {
         "participant": "stepbus_fmi:Fmu",
@@ -53,10 +82,12 @@ def scenario(
     step_s: float | None = None,
     stop_s: float | None = None,
 ) -> dict[str, Any]:
-    """Return a scenario of FMUs, with the step and length of the first that names one."""
+    """Return a scenario of FMUs: the shortest step that one wishes, and that all can take."""
     if step_s is None:
-        wished = (size for model in models if (size := _step(model)))
-        step_s = next(wished, _STEP_NS / 1e9)
+        wished = [size for model in models if (size := _step(model))]
+        # An FMU gets nowhere in a step that is shorter than its own ones.
+        own = (float(model.can.fixedInternalStepSize or 0) for model in models)
+        step_s = max(min(wished, default=_STEP_NS / 1e9), *own)
     step_ns = max(1, round(step_s * 1e9))
     if stop_s is None:
         spans = (_number(m, "stopTime") - (_number(m, "startTime") or 0.0) for m in models
@@ -65,8 +96,8 @@ def scenario(
     steps = max(1, round(stop_s * 1e9 / step_ns))
     return {
         "name": name,
-        "step": f"{step_ns}ns",
-        "duration": f"{steps * step_ns}ns",
+        "step": format_duration(step_ns),
+        "duration": format_duration(steps * step_ns),
         "types": ["stepbus_fmi.messages"],
         "participants": dict(participants),
     }
@@ -89,7 +120,8 @@ def ssp_scenario(path: Path) -> dict[str, Any]:
     """Return the scenario of a system of FMUs; raises WiringError for one that cannot run."""
     from .ssp import system_scenario  # noqa: PLC0415  (most scenarios have none)
 
-    return system_scenario(path)
+    made: dict[str, Any] = system_scenario(path)
+    return made
 
 
 def about(spec: Any, scenario: Any) -> list[str]:
@@ -109,7 +141,7 @@ def about(spec: Any, scenario: Any) -> list[str]:
             start = "" if item.start is None else f" = {item.start}"
             text = f": {item.description}" if item.description else ""
             lines.append(
-                f"  {item.causality:9} {item.name}{size}: {item.variability} {item.type}"
+                f"  {item.causality:9} {item.name}{size}: {item.variability} {item.type_name}"
                 f"{start}{unit}{text}"
             )
     h = spec.every * scenario.step_ns / 1e9
@@ -126,4 +158,4 @@ def _when(spec: Any, delay: int, h: float) -> str:
             f"{at} is set at t and shows in the outputs at t + {h:g} s: one step of delay, since "
             "the FMU publishes its state before it takes the inputs (`publishes: first`)"
         )
-    return f"{at} is set at t, and the outputs of t + {h:g} s are published at once (`publishes: last`)"
+    return f"{at} is set at t; the outputs of t + {h:g} s follow at once (`publishes: last`)"

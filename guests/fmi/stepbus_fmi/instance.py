@@ -1,11 +1,13 @@
-"""One instance of an FMU for co-simulation, of FMI 2.0 or 3.0, over FMPy's calls of the C interface."""
+"""One instance of an FMU for co-simulation, FMI 2.0 or 3.0, over FMPy's calls of its functions."""
 
 import shutil
 import tempfile
+import zlib
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from ctypes import byref
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +15,11 @@ from fmpy import calloc, extract, fmi2, fmi3, free
 from fmpy.fmi1 import FMICallException
 from fmpy.logging import addLoggerProxy
 
-from stepbus_participant import scratch_folder
+from stepbus_participant import scratch_folder, warn
 from stepbus_schemas import RunError, WiringError, error_text
 
 from .model import Model, Variable, open_fmu
+from .params import Params
 
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _DISCARD, _FATAL = 2, 4
@@ -66,51 +69,73 @@ class FMU3Partial(_Partial, fmi3.FMU3Slave):  # type: ignore[misc]
 
 
 class Values:
-    """Variables of one type that are read and written together, in buffers made once."""
+    """Variables of one type that are read and written together, in a buffer made once."""
 
     def __init__(self, fmu: Any, major: int, variables: Sequence[Variable]) -> None:
-        kind = variables[0].type
-        name = {"Enumeration": "Integer" if major == 2 else "Int64"}.get(kind, kind)
-        module = fmi2 if major == 2 else fmi3
-        prefix = f"fmi{major}"
-        self._fmu = fmu
-        self._names = f"{prefix}Get{name}", f"{prefix}Set{name}"
-        self._high = getattr(fmu, f"get{name}"), getattr(fmu, f"set{name}")
-        self._references = [item.reference for item in variables]
-        self._is_plain = variables[0].kind not in (str, bytes)
-        self.kind = variables[0].kind
+        first = variables[0]
+        name = {"Enumeration": "Integer" if major == 2 else "Int64"}.get(
+            first.type_name, first.type_name
+        )
+        module, prefix = (fmi2, "fmi2") if major == 2 else (fmi3, "fmi3")
+        self.kind = first.kind
+        self._name = name
         self._title = ", ".join(item.name for item in variables[:5])
-        self.count = sum(item.size for item in variables)
-        self._vr = (getattr(module, f"{prefix}ValueReference") * len(variables))(*self._references)
-        if self._is_plain:
-            self.buffer = (getattr(module, f"{prefix}{name}") * self.count)()
-            sizes = (len(variables),) if major == 2 else (len(variables), self.count)
-            self._arguments = (*sizes[:1], self.buffer, *sizes[1:])
+        references = [item.reference for item in variables]
+        count = sum(item.size for item in variables)
+        self._is_plain = self.kind not in (str, bytes)
+        if not self._is_plain:
+            more = () if major == 2 else (count,)
+            self._get = partial(getattr(fmu, f"get{name}"), references, *more)
+            self._set = partial(getattr(fmu, f"set{name}"), references)
+            return
+        self._buffer = (getattr(module, f"{prefix}{name}") * count)()
+        handles = (getattr(module, f"{prefix}ValueReference") * len(references))(*references)
+        sizes = () if major == 2 else (count,)
+        # FMPy's own methods make new buffers at each call.
+        arguments = (fmu.component, handles, len(references), self._buffer, *sizes)
+        self._get = partial(_call, fmu, f"{prefix}Get{name}", *arguments)
+        self._set = partial(_call, fmu, f"{prefix}Set{name}", *arguments)
 
     def get(self) -> list[Any]:
         """Return the values."""
-        if not self._is_plain:
-            got = self._high[0](self._references, *(() if self._fmu_is_2() else (self.count,)))
-            return [v.decode() if isinstance(v, bytes) and self.kind is str else v for v in got]
-        fmu, n = self._fmu, self._arguments
-        fmu._call(self._names[0], fmu.component, self._vr, *n)
-        return self.buffer[:] if self.kind is not bool else list(map(bool, self.buffer))
+        got = self._get()
+        if self.kind is str:
+            return [value.decode() if isinstance(value, bytes) else value for value in got]
+        if self.kind is bytes:
+            return [value or b"" for value in got]
+        return self._buffer[:] if self.kind is not bool else list(map(bool, self._buffer))
 
-    def set(self, values: Iterable[Any]) -> None:
+    def set(self, values: list[Any]) -> None:
         """Write the values."""
         if not self._is_plain:
-            self._high[1](self._references, list(values))
+            self._set(values)
             return
-        given = list(values)
-        self.buffer[:] = given
+        self._buffer[:] = values
         # ctypes cuts off what does not fit.
-        if self.kind is int and self.buffer[:] != given:
-            raise FmuError(f"{self._title}: {given} does not fit the type {self._names[1][7:]}")
-        fmu = self._fmu
-        fmu._call(self._names[1], fmu.component, self._vr, *self._arguments)
+        if self.kind is int and self._buffer[:] != values:
+            raise FmuError(f"{self._title}: {values} does not fit the type {self._name}")
+        self._set()
 
-    def _fmu_is_2(self) -> bool:
-        return self._names[0].startswith("fmi2")
+
+def _call(fmu: Any, name: str, *args: Any) -> None:
+    status = fmu._functions[name](*args)
+    if status > 1:
+        raise FMICallException(name, status)
+
+
+def started(model: Model, params: Params, values: Mapping[str, Any]) -> "Instance":
+    """Return an instance that is initialized; values: variable → start value."""
+    instance = Instance(model, params.fmu, params.inside, logs=params.log)
+    try:
+        instance.instantiate(event_mode=params.event_mode)
+        instance.initialize(values, params.start_time, params.tolerance)
+    except FmuError as exc:
+        instance.close()
+        raise WiringError(f"{model.file} cannot be initialized: {exc}") from exc
+    except BaseException:
+        instance.close()
+        raise
+    return instance
 
 
 class Instance:
@@ -126,6 +151,7 @@ class Instance:
         self._is_3 = model.major == 3
         self._lines: deque[str] = deque(maxlen=3)
         self.has_events = False
+        self._is_off_grid = False
         self._may_terminate, self._may_free = False, True
         self._folder = Path(tempfile.mkdtemp(prefix="stepbus-fmu-", dir=scratch_folder()))
         self._fmu: Any = None
@@ -139,7 +165,8 @@ class Instance:
     def instantiate(self, *, event_mode: bool) -> None:
         """Load the program of the FMU, and make the instance."""
         self.has_events = self._is_3 and event_mode and bool(self.model.can.hasEventMode)
-        binaries = sorted(item.name for item in (self._folder / "binaries").glob("*"))
+        files = (self._folder / "binaries").glob("*/*")
+        binaries = sorted(f"{item.parent.name}/{item.name}" for item in files)
         try:
             self._fmu = self._instantiated()
         except Exception as exc:
@@ -207,7 +234,8 @@ class Instance:
 
     def get(self, values: Values) -> list[Any]:
         """Return the values of variables."""
-        return self._do(values.get)
+        got: list[Any] = self._do(values.get)
+        return got
 
     def apply(
         self, continuous: Mapping[Values, list[Any]], others: Mapping[Values, list[Any]]
@@ -228,31 +256,14 @@ class Instance:
         """Set the derivatives of real inputs, from now on [1/s]."""
         self._do(self._fmu.setRealInputDerivatives, references, [1] * len(references), slopes)
 
-    def step(self, time: float, until: float) -> None:
-        """Do a step, from one time to another [s]; `ended` tells whether the FMU ends the run."""
-        if not self._is_3:
-            self._step_2(time, until)
+    def step(self, time: float, h: float) -> None:
+        """Do a step of length h [s] at a time; `ended` tells whether the FMU ends the run."""
+        if self._is_3:
+            self._step_3(time, h)
             return
-        while not self.ended:
-            needs_event, self.ended, early, reached = self._do(self._fmu.doStep, time, until - time)
-            if needs_event and self.has_events and not self.ended:
-                self._do(self._fmu.enterEventMode)
-                self._update_discrete_states()
-            if not early:
-                reached = until if abs(reached - until) <= 1e-9 * max(1.0, abs(until)) else reached
-                if reached != until and not self.ended:
-                    raise FmuError(f"it stopped at {reached!r} s, not at {until!r} s")
-                return
-            if reached >= until:
-                return
-            if reached < time:
-                raise FmuError(f"it returned early at {reached!r} s, before {time!r} s")
-            time = reached
-
-    def _step_2(self, time: float, until: float) -> None:
         fmu = self._fmu
         try:
-            fmu._call("fmi2DoStep", fmu.component, time, until - time, fmi2.fmi2True)
+            _call(fmu, "fmi2DoStep", fmu.component, time, h, fmi2.fmi2True)
         except FMICallException as exc:
             error = self._error(exc)
             if exc.status == _DISCARD:
@@ -260,6 +271,32 @@ class Instance:
                     self.ended = bool(fmu.getBooleanStatus(fmi2.fmi2Terminated))
             if not self.ended:
                 raise error from exc
+
+    def _step_3(self, time: float, h: float) -> None:
+        until = time + h
+        while not self.ended:
+            needs_event, self.ended, early, reached = self._do(self._fmu.doStep, time, h)
+            if needs_event and self.has_events and not self.ended:
+                self._do(self._fmu.enterEventMode)
+                self._update_discrete_states()
+            if self.ended or abs(reached - until) <= 1e-9 * max(1.0, abs(until)):
+                return
+            if not early:
+                self._check_grid(reached, until)
+                return
+            if not time <= reached < until:
+                raise FmuError(f"from {time!r} s, it returned early at {reached!r} s")
+            time, h = reached, until - reached
+
+    def _check_grid(self, reached: float, until: float) -> None:
+        """Accept the end of a step that is on the grid of the FMU's own steps; warn once."""
+        fixed = float(self.model.can.fixedInternalStepSize or 0)
+        text = f"it stopped at {reached!r} s, not at {until!r} s"
+        if abs(reached - until) > fixed * (1 + 1e-9):
+            raise FmuError(text)
+        if not self._is_off_grid:
+            warn(f"{self.model.file} keeps to its own steps of {fixed:g} s: {text}")
+        self._is_off_grid = True
 
     def _update_discrete_states(self) -> None:
         for _ in range(_MOST_UPDATES):
@@ -272,17 +309,18 @@ class Instance:
             self._do(self._fmu.enterStepMode)
 
     def save(self) -> bytes:
-        """Return its state."""
+        """Return its state, packed: those of Dymola are a megabyte of zeros."""
         state = self._do(self._fmu.getFMUState)
         try:
-            return bytes(self._do(self._fmu.serializeFMUState, state))
+            return zlib.compress(self._do(self._fmu.serializeFMUState, state), 1)
         finally:
             self._do(self._fmu.freeFMUState, state)
 
     def restore(self, saved: bytes) -> None:
         """Take a state that `save` returned."""
         fmu = self._fmu
-        state = self._do(fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUState, saved)
+        take = fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUstate
+        state = self._do(take, zlib.decompress(saved))
         try:
             self._do(fmu.setFMUState, state)
         finally:

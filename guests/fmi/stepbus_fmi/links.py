@@ -1,8 +1,9 @@
 """Which value of which message an input variable gets."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from stepbus_participant import Config, Problems
@@ -20,24 +21,30 @@ Place = tuple[str, tuple[int, ...]]
 
 @dataclass(frozen=True)
 class Wire:
-    """One value on its way: port and place in its message → place of an input variable."""
+    """One value on its way: port and place in its message → place of an input variable.
+
+    scale: factor and offset. table: value → what the variable gets for it; others stay.
+    """
 
     port: str
     field: str
     places: tuple[int, ...]
     variable: Variable
     index: int
-    factor: float
-    offset: float
+    scale: tuple[float, float]
+    table: Mapping[Any, Any]
 
     def value(self, message: Any) -> Any:
         """Return the value that the variable gets; raises IndexError for a vector too short."""
         value = getattr(message, self.field)
         for place in self.places:
             value = value[place]
-        if self.variable.kind is not float:
-            return value
-        return value * self.factor + self.offset
+        if isinstance(value, bool) and self.variable.kind in (int, float):
+            value = self.variable.kind(value)  # 0 or 1, as other tools do
+        if self.table:
+            return self.table.get(value, value)
+        # Not 1 · value + 0, which turns −0 into 0.
+        return value if self.scale == (1.0, 0.0) else value * self.scale[0] + self.scale[1]
 
 
 class Wiring:
@@ -54,35 +61,32 @@ class Wiring:
         }
         self._described = {port: descriptions.get(port, Description()) for port in config.inputs}
 
-    def wires(self, links: Mapping[str, Link], problems: Problems) -> list[Wire]:
-        """Return the wires; adds what is wrong, such as a port without a variable."""
+    def wires(
+        self, links: Mapping[str, Link], problems: Problems, *, by_name: bool = True
+    ) -> list[Wire]:
+        """Return the wires; adds what is wrong, such as a port without a variable.
+
+        by_name: whether inputs that no link names are connected by their names.
+        """
         found: dict[str, Wire] = {}
         for name, link in links.items():
-            made = problems.attempt(
-                ("inputs", name), lambda n=name, k=link: list(self._linked(n, k))
-            )
-            found.update((self._target(wire), wire) for wire in made or ())
-        inputs = {
-            name for name, (item, _) in self._model.places.items() if item.causality == "input"
-        }
-        for name in sorted(inputs - found.keys(), key=list(self._model.places).index):
-            made = problems.attempt(("inputs",), lambda n=name: list(self._automatic(n)))
-            found.update((name, wire) for wire in made or ())
+            keys = ("inputs", name)
+            found |= problems.attempt(keys, partial(self._linked, name, link)) or {}
+        places = self._model.places.items()
+        left = [n for n, (item, _) in places if item.causality == "input" and n not in found]
+        for name in left if by_name else ():
+            found |= problems.attempt(("inputs",), partial(self._automatic, name)) or {}
         used = {wire.port for wire in found.values()}
-        for port in self._rows.keys() - used if not len(problems) else ():
-            open_ = sorted(inputs - found.keys())
+        left = [name for name in left if name not in found]
+        for port in [port for port in self._rows if port not in used and not len(problems)]:
             problems.add(
                 ("inputs",),
                 f"nothing of the input port {port!r} has the name of an input variable; say what "
-                f"goes where: `params: {{inputs: {{{(open_ or ['u'])[0]}: {port}.NAME}}}}` (of the "
+                f"goes where: `params: {{inputs: {{{(left or ['u'])[0]}: {port}.NAME}}}}` (of the "
                 f"port: {', '.join(self._offers(port)[:8])}; open variables: "
-                f"{', '.join(open_[:8]) or 'none'})",
+                f"{', '.join(left[:8]) or 'none'})",
             )
         return list(found.values())
-
-    @staticmethod
-    def _target(wire: Wire) -> str:
-        return wire.variable.names[wire.index]
 
     def _offers(self, port: str) -> list[str]:
         names = self._described[port].names
@@ -95,54 +99,46 @@ class Wiring:
         ]
         return fields[0] if len(fields) == len(self._rows[port]) == 1 else ""
 
-    def _automatic(self, name: str) -> Iterator[Wire]:
-        """Yield the wire of an input that no link names: of the one port that has its name."""
+    def _automatic(self, name: str) -> dict[str, Wire]:
+        """Return the wire of an input that no link names: of the one port that has its name."""
         ports = [p for p in self._rows if self._vector(p) and name in self._described[p].names]
         if len(ports) > 1:
-            raise WiringError(
-                f"{name} is in several ports, {', '.join(ports)}; say in `inputs` which"
-            )
+            text = f"{name} is in several ports, {', '.join(ports)}; say in `inputs` which"
+            raise WiringError(text)
         if ports:
-            yield from self._linked(name, Link(from_=f"{ports[0]}.{name}"))
-            return
+            return self._linked(name, Link(from_=f"{ports[0]}.{name}"))
         port, _, rest = name.partition(".")
         match = _ELEMENT.fullmatch(rest)
         field = match[1] if match else rest
-        if port in self._rows and field in self._rows[port]:
-            place = f"[{int(match[2]) - 1}]" if match and match[2].isdigit() else ""
-            yield from self._linked(name, Link(from_=f"{port}.{field}{place}"))
+        if field not in self._rows.get(port, ()):
+            return {}
+        # FMI counts from 1.
+        place = f"[{int(match[2]) - 1}]" if match and match[2].isdigit() else ""
+        return self._linked(name, Link(from_=f"{port}.{field}{place}"))
 
-    def _linked(self, name: str, link: Link) -> Iterator[Wire]:
-        """Yield the wires of a link: one, or those of all elements of an array."""
+    def _linked(self, name: str, link: Link) -> dict[str, Wire]:
+        """Return the wires of a link by their targets: one, or one for each element of an array."""
         item, first = self._model.places.get(name) or (self._model.find(name), None)
         if item.causality != "input":
             raise WiringError(f"{name} is no input of the FMU: its causality is {item.causality}")
-        indices = range(item.size) if first is None else [first]
         port, _, what = link.from_.partition(".")
         if port not in self._rows or not what:
-            raise WiringError(
-                f"{link.from_!r} names no input port; write PORT.NAME{suggest(port, self._rows)}"
-            )
-        for index in indices:
-            source = (
-                what
-                if first is not None or not item.shape
-                else self._element(port, what, item, index)
-            )
+            text = f"{link.from_!r} names no input port; write PORT.NAME"
+            raise WiringError(text + suggest(port, self._rows))
+        found = {}
+        for index in range(item.size) if first is None else [first]:
+            source = what if first is not None else self._element(port, what, item, index)
             field, places, unit = self._find(port, source)
-            factor, offset = self._conversion(unit, item) if link.convert else (1.0, 0.0)
-            yield Wire(
-                port, field, places, item, index,
-                factor * link.factor, factor * link.offset + offset,
-            )  # fmt: skip
+            convert = self._units.conversion(unit, item.unit) if link.convert else (1.0, 0.0)
+            scale = convert[0] * link.factor, convert[0] * link.offset + convert[1]
+            table = dict(link.table)
+            found[item.names[index]] = Wire(port, field, places, item, index, scale, table)
+        return found
 
     def _element(self, port: str, what: str, item: Variable, index: int) -> str:
         """Return the source of one element of an array: of the same name, or in the same place."""
         named = item.names[index].replace(item.name, what, 1)
         return named if named in self._described[port].names else f"{what}[{index}]"
-
-    def _conversion(self, unit: str, item: Variable) -> tuple[float, float]:
-        return self._units.conversion(unit, item.unit)
 
     def _find(self, port: str, what: str) -> tuple[str, tuple[int, ...], str]:
         """Return field, places and unit of a value of a port."""
@@ -157,7 +153,7 @@ class Wiring:
             offers = self._offers(port)
             raise WiringError(f"port {port!r} has no {what!r}{suggest(what, offers)}")
         places = tuple(self._place(described, text.strip()) for text in inner)
-        return field, places, described.units.get(field, rows[field].get("unit", ""))
+        return field, places, described.units.get(field) or rows[field].get("unit", "")
 
     @staticmethod
     def _place(described: Description, text: str) -> int:

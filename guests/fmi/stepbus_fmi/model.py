@@ -29,12 +29,12 @@ KINDS: Mapping[str, type] = {
 class Variable:
     """A variable. shape: of an array, with the sizes that the start values give it; else empty.
 
-    type: as the standard names it. items: of an enumeration, name → number.
+    type_name: as the standard has it. items: of an enumeration, name → number.
     """
 
     name: str
     reference: int
-    type: str
+    type_name: str
     causality: str
     variability: str
     initial: str
@@ -48,7 +48,7 @@ class Variable:
     @property
     def kind(self) -> type:
         """Return what its values are in Python."""
-        return KINDS[self.type]
+        return KINDS[self.type_name]
 
     @property
     def size(self) -> int:
@@ -115,13 +115,14 @@ class Model:
 
 def open_fmu(path: Path, inside: str = "") -> Path | IO[bytes]:
     """Return an FMU, or the one inside an archive; raises WiringError where there is none."""
-    if not inside:
-        return path
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return io.BytesIO(archive.read(inside))
-    except (OSError, zipfile.BadZipFile, KeyError) as exc:
-        raise WiringError(f"{path.name} has no {inside!r}: {error_text(exc)}") from exc
+    file: Path | IO[bytes] = path
+    for name in inside.split("!") if inside else ():
+        try:
+            with zipfile.ZipFile(file) as archive:
+                file = io.BytesIO(archive.read(name.removeprefix("/")))
+        except (OSError, zipfile.BadZipFile, KeyError) as exc:
+            raise WiringError(f"{path.name} has no {inside!r}: {error_text(exc)}") from exc
+    return file
 
 
 def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = None) -> Model:
@@ -131,7 +132,7 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     Raises WiringError where it cannot be read, or the FMU cannot take part.
     """
     (fmpy,) = need("an FMU", "fmpy")
-    name = f"{path.name}/{inside}" if inside else path.name
+    name = f"{path.name}/{inside.removeprefix('/')}" if inside else path.name
     try:
         description = fmpy.read_model_description(open_fmu(path, inside), validate=False)
     except WiringError:
@@ -147,15 +148,24 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     if description.coSimulation is None:
         has = "model exchange" if description.modelExchange else "scheduled execution"
         raise WiringError(
-            f"{name} has no co-simulation interface, only {has}; export it for co-simulation, which "
-            "brings its own solver"
+            f"{name} has no co-simulation interface, only {has}; export it for co-simulation, "
+            "which brings its own solver"
         )
     clocks = [item.name for item in description.modelVariables if item.type == "Clock"]
     if clocks:
         raise WiringError(f"{name} has clocks ({', '.join(clocks[:5])}), which are not supported")
     is_binary = any(item.type == "Binary" for item in description.modelVariables)
     media = _media(open_fmu(path, inside)) if is_binary else {}
-    return Model(name, description, _variables(description, start or {}, name, media))
+    return Model(name, description, _variables(description, named(start or {}), name, media))
+
+
+def named(start: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Return variable → start value: `{motor: {k: 2}}`, as `--set` writes it, is `motor.k`."""
+    found = {}
+    for name, value in start.items():
+        is_part = isinstance(value, Mapping)
+        found |= named(value, f"{within}{name}.") if is_part else {f"{within}{name}": value}
+    return found
 
 
 def _broken_rule(fmpy: Any, file: Path | IO[bytes]) -> str:
@@ -194,7 +204,7 @@ def _variable(item: Any, shape: tuple[int, ...], media: str) -> Variable:
     return Variable(
         name=item.name,
         reference=item.valueReference,
-        type=item.type,
+        type_name=item.type,
         causality=item.causality,
         variability=item.variability,
         initial=item.initial or "",

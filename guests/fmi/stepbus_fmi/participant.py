@@ -1,6 +1,7 @@
 """An FMU as a participant: its inputs and outputs are ports, its steps those of the run."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -19,13 +20,13 @@ from stepbus_participant import (
 )
 from stepbus_schemas import Description, Message, WiringError, suggest
 
-from .instance import FmuError, Instance, Values
+from .instance import Instance, Values, started
 from .links import Wire, Wiring
 from .model import Model, Variable, read_model
 from .params import Params
 from .proof import state_problem
 from .start import read_value, start_values, texts
-from .units import Units
+from .units import Units, registry
 
 PORTS = {
     "Scalars/1": ("out", float),
@@ -60,8 +61,8 @@ def by_type(
     instance: Instance, variables: Sequence[Variable]
 ) -> Iterator[tuple[Values, list[Variable]]]:
     """Yield access to the variables of each type, and these."""
-    ordered = sorted(variables, key=lambda item: item.type)
-    for _, group in groupby(ordered, key=lambda item: item.type):
+    ordered = sorted(variables, key=lambda item: item.type_name)
+    for _, group in groupby(ordered, key=lambda item: item.type_name):
         items = list(group)
         yield instance.values(items), items
 
@@ -128,6 +129,8 @@ class Fmu(Participant):
         assert model is not None  # noqa: S101  refused above
         self.model: Model = model
         self._units = Units(model.description)
+        if config.inputs and any(item.unit for item in model.of("input")):
+            registry()
         self._start = start_values(model, self._units, params.start, below)
         self._h = config.every * config.step_ns / 1e9
         self._done = 0
@@ -137,25 +140,16 @@ class Fmu(Participant):
             problems.add((), text)
         rows = {port: self._output_rows(port, problems) for port in config.outputs}
         problems.refuse()
-        self._instance = Instance(model, params.fmu, params.inside, logs=params.log)
-        try:
-            self._instance.instantiate(event_mode=params.event_mode)
-            self._instance.initialize(self._start, params.start_time, params.tolerance)
-            self._outputs = {
-                port: Output(self._instance, config.types[config.outputs[port].type], row)
-                for port, row in rows.items()
-            }
-            self._tunable = {
-                item.name: item
-                for item in model.variables.values()
-                if item.variability == "tunable" and item.causality == "parameter"
-            }
-        except FmuError as exc:
-            self._instance.close()
-            raise WiringError(f"{model.file} cannot be initialized: {exc}") from exc
-        except BaseException:
-            self._instance.close()
-            raise
+        self._instance = started(model, params, self._start)
+        self._outputs = {
+            port: Output(self._instance, config.types[config.outputs[port].type], row)
+            for port, row in rows.items()
+        }
+        self._tunable = {
+            item.name: item
+            for item in model.variables.values()
+            if item.variability == "tunable" and item.causality == "parameter"
+        }
         self._rows = rows
         self._continuous: list[Group] = []
         self._discrete: list[Group] = []
@@ -168,7 +162,7 @@ class Fmu(Participant):
     def _extrapolated(self, problems: Problems) -> list[Variable]:
         found = []
         for name in self._params.extrapolate:
-            item = problems.attempt(("extrapolate",), lambda n=name: self.model.find(n))
+            item = problems.attempt(("extrapolate",), partial(self.model.find, name))
             if item is None:
                 continue
             if item.causality != "input" or item.kind is not float or item.shape:
@@ -236,7 +230,7 @@ class Fmu(Participant):
         """Return the variables of a kind that are published without being asked for one by one."""
         found = self.model.of("output", kind)
         for name in self._params.publish:
-            item = problems.attempt(("params", "publish"), lambda n=name: self.model.find(n))
+            item = problems.attempt(("params", "publish"), partial(self.model.find, name))
             if item is not None and item.kind is kind and item not in found:
                 found.append(item)
         return found
@@ -276,7 +270,8 @@ class Fmu(Participant):
         """Connect the input variables; raises SettingsError that lists what is wrong."""
         problems = self.config.problems()
         wiring = Wiring(self.model, self._units, self.config, inputs)
-        wires = wiring.wires(self._params.inputs, problems.below(("params",)))
+        links, by_name = self._params.inputs, self._params.by_name
+        wires = wiring.wires(links, problems.below(("params",)), by_name=by_name)
         problems.refuse()
         used = list(dict.fromkeys(wire.variable for wire in wires))
         is_event = {v.name: v.variability != "continuous" for v in used}
@@ -308,7 +303,7 @@ class Fmu(Participant):
             instance.apply(continuous, events)
             if self._slopes:
                 self._set_slopes()
-            instance.step(now, self._params.start_time + self._done * self._h)
+            instance.step(now, self._h)
         if instance.ended:
             step.end(f"the FMU {self.model.description.modelName} ends the simulation")
         return None if self.config.publishes == "first" else self.output(step)
@@ -380,7 +375,7 @@ class Fmu(Participant):
     def prepare_saves(self) -> None:
         """Find out whether a state of this FMU can be restored in another process."""
         if self.model.saves:
-            why = state_problem(self._params, self._h)
+            why = state_problem(self._params, dict(self._params.start), self._h)
         else:
             why = "it cannot save its state (canSerializeFMUState)"
         if why:

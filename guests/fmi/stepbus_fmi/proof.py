@@ -1,8 +1,8 @@
 """Whether a state of an FMU goes on as the FMU itself, when it is restored in another process.
 
-`python -m stepbus_fmi.proof FMU …` does some steps, saves, does two more, and writes both; with a
-state on standard input, it restores that and does the two. FMUs save pointers, of which some go
-wrong in another process, and their program may end the process that tries it.
+`python -m stepbus_fmi.proof`, with a question on standard input, does some steps, saves, and does
+two more; or it restores a state and does these two. The state of many FMUs has pointers, which may
+be wrong in another process and end it.
 """
 
 import json
@@ -10,8 +10,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from stepbus_participant import Problems, scratch_folder
 from stepbus_schemas import StepbusError
@@ -22,86 +22,83 @@ _STEPS, _PROBED = 10, 2
 _LONGEST_S = 12.0
 
 
-def state_problem(params: Params, h: float) -> str:
+def state_problem(params: Params, start: dict[str, Any], h: float) -> str:
     """Return why the state of an FMU cannot be used in another process; nothing: it can.
 
-    h: length of a step [s]. It starts two processes, one after the other.
+    start: the start values, as of the scenario. h: length of a step [s]. It starts two processes.
     """
-    asked = [str(params.fmu), params.inside, json.dumps(params.start), repr(params.start_time)]
-    words = [sys.executable, "-P", "-m", __name__, *asked, repr(h), json.dumps(params.event_mode)]
+    question = {
+        "params": {"fmu": str(params.fmu), "inside": params.inside, "start": start},
+        "event_mode": params.event_mode,
+        "start_time": params.start_time,
+        "h": h,
+    }
     try:
         # One that crashes leaves what it has unpacked.
         with tempfile.TemporaryDirectory(prefix="stepbus-fmu-", dir=scratch_folder()) as folder:
-            state, outputs = json.loads(_ran(words, b"", folder))
-            again = json.loads(_ran(words, bytes.fromhex(state), folder))[1]
-    except (OSError, ValueError, subprocess.SubprocessError) as exc:
-        return f"a trial in another process failed: {_why(exc)}"
+            state, outputs = _ask(question, folder)
+            again = _ask({**question, "state": state}, folder)[1]
+    except subprocess.CalledProcessError as exc:
+        last = exc.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        return last if exc.returncode == 1 and last else f"it ended with signal {-exc.returncode}"
+    except subprocess.TimeoutExpired:
+        return f"a trial in another process was not done after {_LONGEST_S:g} s"
     return "" if again == outputs else "restored in another process, it goes another way"
 
 
-def _why(exc: Exception) -> str:
-    if isinstance(exc, subprocess.CalledProcessError):
-        last = exc.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        return last or f"it ended with signal {-exc.returncode}" if exc.returncode < 0 else last
-    return (
-        f"no answer within {_LONGEST_S:g} s"
-        if isinstance(exc, subprocess.TimeoutExpired)
-        else str(exc)
-    )
-
-
-def _ran(words: Sequence[str], state: bytes, folder: str) -> bytes:
+def _ask(question: dict[str, Any], folder: str) -> Any:
     done = subprocess.run(
-        words,
-        input=state,
+        [sys.executable, "-P", "-m", __name__],
+        input=json.dumps(question).encode(),
         capture_output=True,
         timeout=_LONGEST_S,
         check=True,
         env={**os.environ, "TMPDIR": folder},
     )
-    return done.stdout.rpartition(b"\n")[2]
+    # Before it is what the FMU prints.
+    return json.loads(done.stdout.rpartition(b"\n")[2])
 
 
-def _main(fmu: str, inside: str, start: str, time: str, h: str, event_mode: str) -> None:
-    # Only the process that tries a state needs FMPy here.
-    from .instance import Instance  # noqa: PLC0415
+def _main() -> None:
+    # The process that asks has them already, or needs none.
+    from .instance import started  # noqa: PLC0415
     from .model import read_model  # noqa: PLC0415
     from .participant import by_type  # noqa: PLC0415
     from .start import start_values  # noqa: PLC0415
     from .units import Units  # noqa: PLC0415
 
-    given = json.loads(start)
-    model = read_model(Path(fmu), inside, given)
-    values = start_values(model, Units(model.description), given, Problems())
-    instance = Instance(model, Path(fmu), inside)
-    state = sys.stdin.buffer.read()
+    asked = json.load(sys.stdin)
+    params = Params.of(
+        {**asked["params"], "event_mode": asked["event_mode"], "start_time": asked["start_time"]},
+        Path(),
+    )
+    model = read_model(params.fmu, params.inside, params.start)
+    values = start_values(model, Units(model.description), params.start, Problems())
+    instance = started(model, params, values)
+    groups = [group for group, _ in by_type(instance, model.of("output"))]
+
+    def go(first: int, count: int) -> list[str]:
+        found = []
+        for step in range(first, first + count):
+            if not instance.ended:
+                instance.step(params.start_time + step * asked["h"], asked["h"])
+            found.append(repr([instance.get(group) for group in groups]))
+        return found
+
     try:
-        instance.instantiate(event_mode=json.loads(event_mode))
-        instance.initialize(values, float(time), None)
-        groups = [group for group, _ in by_type(instance, model.of("output"))]
-
-        def go(first: int, count: int) -> list[str]:
-            found = []
-            for step in range(first, first + count):
-                if not instance.ended:
-                    ends = (float(time) + n * float(h) for n in (step, step + 1))
-                    instance.step(*ends)
-                found.append(repr([instance.get(group) for group in groups]))
-            return found
-
-        if state:
-            instance.restore(state)
+        if "state" in asked:
+            instance.restore(bytes.fromhex(asked["state"]))
         else:
             go(0, _STEPS)
-            state = instance.save()
-        answer = json.dumps([state.hex(), go(_STEPS, _PROBED)])
+        state = instance.save()
+        answer = [state.hex(), go(_STEPS, _PROBED)]
     finally:
         instance.close()
-    sys.stdout.write(f"\n{answer}")
+    sys.stdout.write(f"\n{json.dumps(answer)}")
 
 
 if __name__ == "__main__":
     try:
-        _main(*sys.argv[1:])
+        _main()
     except StepbusError as exc:
         sys.exit(str(exc))

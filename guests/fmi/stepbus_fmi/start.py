@@ -1,13 +1,14 @@
 """Start values as a scenario writes them."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from stepbus_participant import Problems
 from stepbus_participant.parameters import Keys, show
 from stepbus_schemas import WiringError, suggest
 
-from .model import Model, Variable
+from .model import Model, Variable, named
 from .units import Units
 
 _SETTABLE = ("exact", "approx")
@@ -18,9 +19,9 @@ def start_values(
 ) -> dict[str, Any]:
     """Return variable → value, as the FMU takes it; adds what is wrong to the problems."""
     found = {}
-    for name, value in given.items():
+    for name, value in named(given).items():
         keys: Keys = ("start", name)
-        read = problems.attempt(keys, lambda n=name, v=value: _read(model, units, n, v))
+        read = problems.attempt(keys, partial(_read, model, units, name, value))
         if read is not None:
             found[name] = read
     return found

@@ -156,6 +156,7 @@ class New(Command, work="new", group="run"):
 
     $ stepbus new my_scenario
     $ stepbus new --language octave my_scenario
+    $ stepbus new --fmu motor.fmu my_motor
     """
 
     folder: Path
@@ -164,6 +165,9 @@ class New(Command, work="new", group="run"):
     language: Literal["c", "java", "js", "octave", "python", "rust"] = "python"
     """language of the controller; the bridge connects programs in any language
     (docs/guide/writing/bridge.md)"""
+    fmu: File = None
+    """make a scenario of this FMU instead, with its parameters and inputs
+    (docs/guide/writing/fmu.md)"""
 
 
 class Info(Command, work="info", group="look"):

@@ -12,7 +12,8 @@ from pathlib import Path
 
 from stepbus_orchestrator.cli.commands import New
 from stepbus_orchestrator.cli.terminal.output import say
-from stepbus_orchestrator.plugins import view
+from stepbus_orchestrator.plugins import STARTERS as STARTERS_OF
+from stepbus_orchestrator.plugins import named_points, view
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
@@ -71,12 +72,27 @@ def write_starter(folder: Path, language: str) -> list[Path]:
     contents = dict(_contents(STARTERS[language], _scenario_name(folder)))
     graph = view("wiring")(parse_yaml("scenario.yaml", contents[Path("scenario.yaml")]), {})
     contents[Path("README.md")] += f"\n## Wiring\n\n```mermaid\n{graph}\n```\n"
+    return _write(folder, {file: text.encode() for file, text in contents.items()})
+
+
+def write_starter_of(folder: Path, file: Path) -> list[Path]:
+    """Write the starter of a file of another tool, such as an FMU; as `write_starter`."""
+    known = named_points(STARTERS_OF)
+    if file.suffix not in known:
+        raise WiringError(f"{file} is no FMU; its name has to end with {' or '.join(known)}")
+    if not file.is_file():
+        raise WiringError(f"no file {str(file)!r}")
+    contents = known[file.suffix].load()(file, _scenario_name(folder))
+    return _write(folder, {Path(name): content for name, content in contents.items()})
+
+
+def _write(folder: Path, contents: Mapping[Path, bytes]) -> list[Path]:
     try:
         if folder.exists() and any(folder.iterdir()):
             raise WiringError(f"{folder} is not empty; choose a new folder")
-        for file, text in contents.items():
+        for file, content in contents.items():
             (folder / file).parent.mkdir(parents=True, exist_ok=True)
-            (folder / file).write_text(text, encoding="utf-8")
+            (folder / file).write_bytes(content)
     except OSError as exc:
         raise WiringError(f"{folder} cannot be written: {exc.strerror}") from exc
     return sorted(contents)
@@ -114,9 +130,12 @@ def _scenario_name(folder: Path) -> str:
 
 def new_command(given: New) -> int:
     """Write a starter, and print how to run it."""
-    files = write_starter(given.folder, given.language)
+    of = given.fmu
+    files = (
+        write_starter_of(given.folder, of) if of else write_starter(given.folder, given.language)
+    )
     say(f"{given.folder}: {', '.join(map(str, files))}")
     name = shlex.quote(str(given.folder))
-    build = STARTERS[given.language].build.format(folder=name)
+    build = "" if of else STARTERS[given.language].build.format(folder=name)
     say(f"next: {build} && stepbus run {name}" if build else f"next: stepbus run {name}")
     return 0

@@ -82,7 +82,7 @@ class ParticipantRow(Settings, dict=True):
 
     participant: str = ""
     """Its Python class: `my_controller.py:Controller` in a file next to the scenario,
-    `my_arm.controller:Controller` in a module. For other programs, `exec`
+    `my_arm.controller:Controller` in a module; or an FMU, `motor.fmu`. For other programs, `exec`
     ([participant](#participant))."""
     exec: tuple[str, ...] = ()
     """Command that starts it, for a program in any language ([exec](#exec))."""
