@@ -4,6 +4,7 @@ import fmus
 
 _3 = """
 #include "fmi3Functions.h"
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 static double now;
@@ -75,7 +76,7 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance i, fmi3Boolean *more, fmi3Boole
 }
 fmi3Status fmi3DoStep(fmi3Instance i, fmi3Float64 t, fmi3Float64 h, fmi3Boolean no,
     fmi3Boolean *event, fmi3Boolean *end, fmi3Boolean *early, fmi3Float64 *last) {
-    if (t != now || is_event) return 3;
+    if (fabs(t - now) > 1e-9 || is_event) return 3;
     *event = *end = *early = 0;
 #ifdef EARLY
     if (h > 0.0065) { h = 0.004; *early = *event = 1; }
