@@ -156,7 +156,7 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
 
 def named(start: Mapping[str, Any], within: str = "") -> dict[str, Any]:
     """Return variable → start value: `{motor: {k: 2}}`, as `--set` writes it, is `motor.k`."""
-    found = {}
+    found: dict[str, Any] = {}
     for name, value in start.items():
         is_part = isinstance(value, Mapping)
         found |= named(value, f"{within}{name}.") if is_part else {f"{within}{name}": value}
