@@ -269,8 +269,7 @@ class Scene:
 
     def similar(self, path: str) -> str:
         """Return a hint at what a path may have meant."""
-        alias = path.strip("./").rpartition("/")[2]
-        return suggest(alias, [o.alias for o in self.objects.values()])
+        return suggest(path, map(self.path, self.objects.values()))
 
     # --- where everything is --------------------------------------------------------------
 

@@ -165,7 +165,9 @@ class Session:
         try:
             self._script = subprocess.Popen(words, cwd=folder, env=env)
         except OSError as exc:
-            raise ScriptFailed(f"cannot start {command[0]}: {exc.strerror}") from exc
+            is_text = Path(program).suffix in (".py", ".m")
+            hint = f"; name what runs it, as in `-- python {command[0]}`" if is_text else ""
+            raise ScriptFailed(f"cannot start {command[0]}: {exc.strerror}{hint}") from exc
 
     def join(self, client: Client) -> None:
         """Take a new connection."""
@@ -461,7 +463,9 @@ class Session:
                 return False
             if told and time.monotonic() > told:
                 told = 0.0
-                who = "the script has connected" if self.has_clients else "no script has connected"
+                ports = " or ".join(str(endpoint.port) for endpoint in self.endpoints)
+                who = f"no script has connected to port {ports}"
+                who = "the script has connected" if self.has_clients else who
                 who = "the script goes on after its simulation" if self.runs else who
                 self.say(f"waiting for sim.startSimulation; {who}")
         return True

@@ -118,8 +118,10 @@ def test_paths_find_anything_below(sim):
         sim.getObject("/arm[0]") == arm == sim.getObjectHandle("OldArm") == sim.getObject("/OldArm")
     )
     assert sim.getObjectHandle("nothing@silentError") == -1
-    with pytest.raises(ApiError, match=r"in sim.getObject: .*'/amr'.* known: rover"):
-        sim.getObject("/amr")
+    with pytest.raises(ApiError, match=r"in sim.getObject: .*; known: /rover, /rover/motor"):
+        sim.getObject("/nothing")
+    with pytest.raises(ApiError, match="did you mean '/rover/OldArm'"):
+        sim.getObject("/Rover/oldarm")
 
 
 def test_aliases_of_a_scenario_are_paths(sim):

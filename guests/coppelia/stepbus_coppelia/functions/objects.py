@@ -24,7 +24,7 @@ _MODES: dict[int, Callable[[float], int | None]] = {
     CONSTANTS["jointintparam_ctrl_enabled"]: lambda value: POSITION if value else VELOCITY,
 }
 _FASTEST = {CONSTANTS[f"jointfloatparam_{key}"] for key in ("maxvel", "upper_limit")}
-_MISSING = "object does not exist, or alias/path ({!r}) is ill formatted{}."
+_MISSING = "object does not exist, or alias/path ({!r}) is ill formatted{}"
 
 
 class Objects(Group):
