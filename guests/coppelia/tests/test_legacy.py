@@ -11,7 +11,7 @@ ONESHOT, BLOCKING, STREAM, SPLIT, DISCONTINUE = 0, 1, 2, 3, 5
 SYNC, NO_SYNC, TRIGGER, ERRORS, FINISH = 1, 2, 3, 4, 10
 GET_JOINT, RUN_STATE, SET_FORCE, IMAGE, INT_PARAM = 0x1001, 0x1007, 0x100E, 0x1004, 0x1021
 POSITION, SET_POSITION, GROUP, HANDLE = 0x200E, 0x101B, 0x200C, 0x3001
-GET_SIGNAL, SET_SIGNAL, TAKE_SIGNAL, SCRIPT, DIALOG = 0x3012, 0x3015, 0x3017, 0x3401, 0x300C
+GET_SIGNAL, SET_SIGNAL, SCRIPT, DIALOG = 0x3012, 0x3015, 0x3401, 0x300C
 RUNS, ENDS, PAUSED = 17, 0, 8
 
 
@@ -59,9 +59,6 @@ class Simulator:
                 return [self.signals.get(name)]
             case "setStringSignal", [name, value]:
                 self.signals[name] = value
-                return []
-            case "clearStringSignal", [name]:
-                self.signals.pop(name, None)
                 return []
             case "setJointTargetForce" | "setObjectPosition", _:
                 return []
@@ -303,13 +300,6 @@ def test_a_single_read_ends_the_stream_of_the_same(script):
     script.ask(cmd(GET_JOINT, STREAM, handle(1)), cmd(GET_JOINT, STREAM, handle(2)))
     script.ask(cmd(GET_JOINT, BLOCKING, handle(1)))
     assert len(script.ask()) == 1
-
-
-def test_a_signal_is_taken_once(sim, script):
-    sim.signals["s"] = "text"
-    assert script.ask(cmd(TAKE_SIGNAL, STREAM, b"s\0"))[TAKE_SIGNAL] == (0, 0, b"text")
-    assert sim.signals == {}
-    assert script.ask() == {}
 
 
 def test_a_command_in_parts(sim, script):

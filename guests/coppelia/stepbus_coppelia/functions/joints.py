@@ -100,23 +100,7 @@ class Joints(Group):
         """Return the force, or largest force, of a joint's motor."""
         return self._control(handle).force
 
-    def getJointInterval(self, handle: int) -> tuple[bool, list[float]]:
-        """Return whether a joint turns without limits, and its lower limit and range."""
-        joint = self._joint(handle)
-        is_cyclic = math.isinf(joint.upper)
-        low, high = (-math.pi, math.pi) if is_cyclic else (joint.lower, joint.upper)
-        return is_cyclic, [low, high - low]
-
-    def getJointType(self, handle: int) -> int:
-        """Return `joint_revolute` or `joint_prismatic`."""
-        return CONSTANTS["joint_revolute" if self._joint(handle).is_rotary else "joint_prismatic"]
-
     def getJointMode(self, handle: int) -> tuple[int, int]:
         """Return `jointmode_dynamic`, or `jointmode_kinematic` for a joint of mode teleport."""
         is_kinematic = self._joint(handle).mode == "teleport"
         return CONSTANTS["jointmode_kinematic" if is_kinematic else "jointmode_dynamic"], 0
-
-    def setJointMode(self, handle: int, _mode: int, _options: int = 0) -> int:
-        """Check the joint, and change nothing: the world file says what drives it."""
-        self._joint(handle)
-        return 1

@@ -6,7 +6,7 @@ from typing import Any
 
 from stepbus_coppelia.clients import ApiError
 from stepbus_coppelia.joints import FREE, POSITION, VELOCITY
-from stepbus_coppelia.scene import NOWHERE, SHAPE, SceneObject, composed, inverse, relative
+from stepbus_coppelia.scene import NOWHERE, SHAPE, SceneObject, composed, relative
 from stepbus_plant.geometry import Pose
 
 from . import table
@@ -32,11 +32,9 @@ class Objects(Group):
 
     title = "objects"
     also = {
-        "setObjectName": "setObjectAlias",
         "getVelocity": "getObjectVelocity",
-        "removeModel": "removeObject",
-        **{f"get{k}Param": "getObjectFloatParam" for k in ("ObjectInt32", "ObjectInt")},
-        **dict.fromkeys(("setObjectInt32Param", "setObjectIntParam"), "setObjectFloatParam"),
+        "getObjectInt32Param": "getObjectFloatParam",
+        "setObjectInt32Param": "setObjectFloatParam",
     }
 
     def getObject(self, path: str, options: Any = None) -> int:
@@ -64,10 +62,6 @@ class Objects(Group):
         forms = dict.fromkeys((1, 2, 5, 6, 7, 8, 9), path) | {4: f"{thing.alias}__{handle}__"}
         return forms.get(int(options), thing.alias)
 
-    def getObjectName(self, handle: int, _options: Any = None) -> str:
-        """Return the alias of an object."""
-        return self.sim.scene.get(handle).alias
-
     def setObjectAlias(self, handle: int, alias: str, _options: Any = None) -> int:
         """Give an object another alias."""
         self.sim.scene.get(handle).alias = str(alias)
@@ -85,12 +79,6 @@ class Objects(Group):
         """Return the parent of an object; -1: it has none."""
         return self.sim.scene.get(handle).parent
 
-    def getObjectChild(self, handle: int, index: int) -> int:
-        """Return the child of an object at an index; -1: there is none."""
-        top = -1 if handle in _NO_FRAMES else handle
-        children = [o.handle for o in self.sim.scene.objects.values() if o.parent == top]
-        return children[index] if 0 <= index < len(children) else -1
-
     def getObjectsInTree(self, handle: int, kind: int = _ALL, options: int = 0) -> list[int]:
         """Return the objects of a tree, of one kind; options 1: without its root, 2: children."""
         top = None if handle in _NO_FRAMES else self.sim.scene.get(handle)
@@ -100,11 +88,6 @@ class Objects(Group):
         if top is not None and not options & 1:
             found = [top, *found]
         return [o.handle for o in found if kind in (_ALL, o.kind)]
-
-    def getObjects(self, index: int, kind: int) -> int:
-        """Return the object of a kind at an index; -1: there is none."""
-        found = [o.handle for o in self.sim.scene.objects.values() if kind in (_ALL, o.kind)]
-        return found[index] if 0 <= index < len(found) else -1
 
     def getObjectVelocity(self, handle: int, _options: int = 0) -> tuple[Any, Any]:
         """Return its velocity [m/s] and angular velocity [rad/s] in the world."""
@@ -172,39 +155,14 @@ class Objects(Group):
         thing.values[str(parameter)] = value
         return 1
 
-    def setModelProperty(self, _handle: int, _value: int) -> int:
-        """Do nothing: what a model shows or collides with is in its URDF."""
-        return 1
-
     def setShapeColor(self, handle: int, _name: Any, _part: int, colour: Any) -> int:
         """Give a shape a colour: red, green, blue, 0 to 1."""
         self.sim.shape_changed(handle, colour=tuple(numbers(colour, 3)))
         return 1
 
-    def getShapeColor(self, handle: int, *_more: Any) -> tuple[int, list[float]]:
-        """Return 1 and the colour of a shape."""
-        return 1, list(self.sim.scene.get(handle).values.get("colour", (0.75, 0.75, 0.75)))
-
     def setShapeMass(self, handle: int, mass: float) -> None:
         """Give a body of one link another mass, which it has from the next simulation on [kg]."""
         self.sim.shape_changed(handle, mass=number(mass))
-
-    def getShapeMass(self, handle: int) -> float:
-        """Return the mass of a link [kg]."""
-        thing = self._shape(handle)
-        return float(thing.values.get("mass", self.sim.scene.engine.mass(thing.link)))
-
-    def getShapeBB(self, handle: int) -> tuple[list[float], list[float]]:
-        """Return size [m] and pose of the box around a link, along the axes of the world."""
-        low, high = self.sim.scene.engine.box(self._shape(handle).link)
-        middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
-        return [b - a for a, b in zip(low, high, strict=True)], [*middle, 0.0, 0.0, 0.0, 1.0]
-
-    def _shape(self, handle: int) -> Any:
-        thing = self.sim.scene.get(handle)
-        if thing.kind != SHAPE:
-            raise ApiError("object is not a shape.")
-        return thing
 
 
 def _kind(kinds: dict[int, str], form: int) -> str:
@@ -288,23 +246,6 @@ class Poses(Group):
         """Return the pose of a position and Euler angles."""
         return [*point(where), *of_euler(numbers(angles, 3))]
 
-    def multiplyMatrices(self, one: Any, other: Any) -> list[float]:
-        """Return the product of two matrices."""
-        return matrix(composed(of_matrix(one), of_matrix(other)))
-
-    def multiplyPoses(self, one: Any, other: Any) -> list[float]:
-        """Return the product of two poses."""
-        return _row(composed(pose_of(one), pose_of(other)))
-
-    def getMatrixInverse(self, rows: Any) -> list[float]:
-        """Return the inverse of a matrix."""
-        return matrix(inverse(of_matrix(rows)))
-
-    def multiplyVector(self, rows: Any, vector: Any) -> list[float]:
-        """Return a point that a matrix, or a pose, takes to the world."""
-        frame = pose_of(rows) if len(rows) == 7 else of_matrix(rows)
-        return list(composed(frame, (point(vector), NOWHERE[1]))[0])
-
     def rotateAroundAxis(self, rows: Any, axis: Any, through: Any, angle: float) -> list[float]:
         """Return a matrix, or a pose, that is turned about an axis through a point [rad]."""
         half, length, at = number(angle) / 2, math.hypot(*point(axis)) or 1.0, point(through)
@@ -316,14 +257,6 @@ class Poses(Group):
     def getEulerAnglesFromMatrix(self, rows: Any) -> list[float]:
         """Return the Euler angles of a matrix [rad]."""
         return table.euler(of_matrix(rows)[1])
-
-    def matrixToPose(self, rows: Any) -> list[float]:
-        """Return a matrix as a pose."""
-        return _row(of_matrix(rows))
-
-    def poseToMatrix(self, pose: Any) -> list[float]:
-        """Return a pose as a matrix."""
-        return matrix(pose_of(pose))
 
 
 def _row(pose: Pose) -> list[float]:

@@ -1,5 +1,6 @@
 """Sensors: vision, proximity, collisions and distances."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -7,13 +8,12 @@ import numpy as np
 from stepbus_coppelia.clients import ApiError
 from stepbus_coppelia.proximity import reading
 from stepbus_coppelia.scene import SHAPE, SceneObject
+from stepbus_plant.engine import Link
 
 from .table import CONSTANTS, Group, number
 
 _ALL = CONSTANTS["handle_all"]
 _NOTHING = (0, 0.0, [0.0, 0.0, 0.0], -1, [0.0, 0.0, 0.0])
-_FAR = 10.0
-"""Up to where the nearest object is looked for, where a script has no threshold [m]."""
 _GIVEN = (-1, -1)
 """Moment of an image that a script has given."""
 
@@ -22,13 +22,7 @@ class Sensors(Group):
     """What sensors detect, and which objects touch."""
 
     title = "sensors"
-    also = {
-        "getVisionSensorResolution": "getVisionSensorRes",
-        "setVisionSensorImage": "setVisionSensorImg",
-        "setVisionSensorCharImage": "setVisionSensorImg",
-        "checkVisionSensor": "handleVisionSensor",
-        "handleProximitySensor": "readProximitySensor",
-    }
+    also = {"setVisionSensorCharImage": "setVisionSensorImg"}
 
     def _images(self, handle: int) -> tuple[Any, Any, Any]:
         """Return settings, colours, shape (h, w, 3), and depths [m], bottom row first."""
@@ -112,45 +106,24 @@ class Sensors(Group):
             raise ApiError("object is not a proximity sensor.")
         return reading(self.sim.scene, thing) or _NOTHING
 
-    def checkProximitySensor(self, handle: int, entity: int) -> tuple[Any, ...]:
-        """Return the same, if what it detects is an object, in its tree or in a collection."""
-        found, wanted = self.readProximitySensor(handle), self._shapes(entity)
-        fits = wanted is None or found[3] in [shape.handle for shape in wanted]
-        return found if fits else _NOTHING
-
     def checkCollision(self, one: int, other: int = _ALL) -> tuple[int, list[int]]:
         """Return whether two objects of different bodies collide, and the handles of both."""
-        found, pair = self._nearest(one, other, 1e-3)
-        return (1, pair) if found is not None and found.distance <= 0.0 else (0, [-1, -1])
-
-    def checkDistance(
-        self, one: int, other: int = _ALL, threshold: float = 0.0
-    ) -> tuple[int, list[float], list[int]]:
-        """Return whether they are nearer than a threshold, both points and their distance [m]."""
-        found, pair = self._nearest(one, other, number(threshold) if threshold > 0.0 else _FAR)
-        if found is None:
-            return 0, [0.0] * 7, pair
-        return 1, [*found.on_one, *found.on_other, found.distance], pair
-
-    def _shapes(self, entity: Any) -> list[SceneObject] | None:
-        """Return the links of an object, or of a collection; None: all."""
-        if entity in (None, _ALL) or entity in self.sim.collections:
-            return self.sim.collections.get(entity)
-        thing = self.sim.scene.get(entity)
-        tree = self.sim.scene.below(thing)
-        return [thing] if thing.kind == SHAPE else [o for o in tree if o.kind == SHAPE]
-
-    def _nearest(self, one: Any, other: Any, within: float) -> tuple[Any, list[int]]:
-        """Return the nearest points of two entities within a distance [m], and both handles."""
-        first, second = self._shapes(one), self._shapes(other)
-        links = None if second is None else [shape.link for shape in second]
-        shapes = self.sim.scene.objects.values() if first is None else first
-        own = [shape.link for shape in shapes if shape.kind == SHAPE and shape.link]
-        near = [row for link in own for row in self.sim.scene.engine.closest(link, within)]
-        rows = [row for row in near if links is None or row.other in links]
+        first, second = self._links(one), self._links(other)
+        near = [row for link in first for row in self.sim.scene.engine.closest(link, 1e-3)]
+        rows = [row for row in near if row.other in second]
         found = min(rows, key=lambda contact: contact.distance, default=None)
-        ends = (found.one, found.other) if found else ()
-        return found, [self.sim.scene.of(link).handle for link in ends] or [-1, -1]
+        if found is None or found.distance > 0.0:
+            return 0, [-1, -1]
+        return 1, [self.sim.scene.of(link).handle for link in (found.one, found.other)]
+
+    def _links(self, entity: Any) -> list[Link]:
+        """Return the links of an object, of what is below it, of a collection, or all."""
+        scene = self.sim.scene
+        shapes: Iterable[SceneObject] = self.sim.collections.get(entity, scene.objects.values())
+        if entity not in (None, _ALL, *self.sim.collections):
+            thing = scene.get(entity)
+            shapes = [thing] if thing.kind == SHAPE else scene.below(thing)
+        return [shape.link for shape in shapes if shape.kind == SHAPE and shape.link]
 
     def createCollection(self, *_options: Any) -> int:
         """Make an empty collection of objects."""
@@ -168,11 +141,6 @@ class Sensors(Group):
         elif what == _ALL:
             found = list(self.sim.scene.objects.values())
         self.sim.collections[group] += [thing for thing in found if thing.kind == SHAPE]
-
-    def destroyCollection(self, group: int) -> None:
-        """Forget a collection."""
-        if self.sim.collections.pop(group, None) is None:
-            raise ApiError("object does not exist.")
 
 
 def _part(image: Any, at: Any, size: Any) -> Any:
