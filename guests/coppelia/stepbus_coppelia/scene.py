@@ -68,7 +68,8 @@ class Scene:
     """All objects, and the copy of the world that they are in.
 
     physics: the copy. aliases: path of CoppeliaSim → name in the world. sensors: proximity sensors
-    by name, each with `link`, `position`, `orientation_rpy`. body_names: of the messages.
+    by name, each with `link`, `position`, `orientation_rpy`. Raises ApiError for an alias or a
+    sensor that names what is not in the world.
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class Scene:
     ) -> None:
         self.objects: dict[int, SceneObject] = {}
         self._sensors, self._next = sensors, 10
-        self.body_names: Sequence[str] = ()
+        self._body_names, self._order = list[str](), list[int]()
         self._by_name: dict[tuple[int, str], SceneObject] = {}
         self.build(physics)
         # Last, since what is built anew has none.
@@ -125,7 +126,7 @@ class Scene:
     def reset(self) -> None:
         """Put everything where it is before a simulation."""
         for joint in self.physics.joints.values():
-            self.put_joint(joint, joint.start)
+            self.move_joint(joint, joint.start)
         for number, frame in enumerate(self._start):
             self.engine.put(number, frame)
         self.velocity = [joint.start_velocity for joint in self.physics.joints.values()]
@@ -281,8 +282,8 @@ class Scene:
         if above.link is None:
             return REST, REST
         engine, number, body = self.engine, above.link[0], self.body(above)
-        if self._bodies is not None and body in self.body_names:
-            at, frame = self.body_names.index(body), engine.frame((number, BASE))
+        if self._bodies is not None and body in self._body_names:
+            at, frame = self._body_names.index(body), engine.frame((number, BASE))
             engine.put(number, frame, self._bodies.velocity[at], self._bodies.spin[at])
         for joint in self.physics.joints.values():
             if joint.body == number:
@@ -293,11 +294,15 @@ class Scene:
         (a, b, c), (u, v, w) = motion.spin, motion.velocity
         return (u + b * z - c * y, v + c * x - a * z, w + a * y - b * x), motion.spin
 
-    def take(self, state: JointState, order: Sequence[int], bodies: BodyStates | None) -> None:
-        """Take the state of a step; order: place of each joint of the message in our lists."""
+    def connect(self, joints: Sequence[str], bodies: list[str]) -> None:
+        """Take the names of the joints and bodies that the messages of a step are about."""
+        self._body_names, self._order = bodies, [self.joint_index[name] for name in joints]
+
+    def take(self, state: JointState, bodies: BodyStates | None) -> None:
+        """Take the state of a step."""
         for name in ("position", "velocity", "effort"):
             if (values := getattr(state, name)) is not None:
-                for index, value in zip(order, values, strict=True):
+                for index, value in zip(self._order, values, strict=True):
                     getattr(self, name)[index] = value
         self._bodies, self._is_stale = bodies, True
 
@@ -309,13 +314,13 @@ class Scene:
         engine, physics = self.engine, self.physics
         for joint, position in zip(physics.joints.values(), self.position, strict=True):
             engine.put_joint(joint.body, joint.index, position, 0.0)
-        if (bodies := self._bodies) is not None and self.body_names:
-            rows = zip(self.body_names, bodies.position, bodies.orientation, strict=True)
+        if (bodies := self._bodies) is not None and self._body_names:
+            rows = zip(self._body_names, bodies.position, bodies.orientation, strict=True)
             for name, at, turn in rows:
                 engine.put(physics.bodies.index(name), (at, turn))
         engine.update_shapes()
 
-    def put_joint(self, joint: Joint, position: float) -> None:
+    def move_joint(self, joint: Joint, position: float) -> None:
         """Put a joint of the copy somewhere."""
         index = self.joint_index[joint.name]
         self.position[index], self.velocity[index] = position, 0.0

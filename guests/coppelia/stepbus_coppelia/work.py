@@ -89,7 +89,7 @@ class Stage:
 
     def scenario_of(self, session: Session, number: int) -> Scenario:
         """Return the scenario of a run; number: of the simulation, from 1 on."""
-        physics, plant, edits = session.scene.physics, self.plant, session.edits.params()
+        physics, plant, edits = session.scene.physics, self.plant, session.scene.edits.params()
         commands = groups_of(physics.joints, physics.bodies, session.dt)
         rows = self._row.get("outputs", {}).items()
         outputs = {port: row for port, row in rows if _type(row) != "JointState/1"}

@@ -299,7 +299,7 @@ def test_what_runs_is_restored_when_it_stops(sim):
     sim.startSimulation()
     assert sim.getSimulationState() == 16
     # What was changed before the simulation is its first change.
-    first = sim.state.changes.fields()
+    first = sim.state.scene.changes.fields()
     assert (first["joints"], first["bodies"]) == (["arm"], ["rover"])
     # A change from now on is of this simulation only, also before its first step.
     sim.setJointPosition(arm, 1.0)
@@ -397,7 +397,7 @@ def test_shapes_are_made_before_the_simulation(sim):
     assert sim.getObjectPosition(cube) == pytest.approx([0, 3, 1])
     assert sim.getObject("/Sphere") == other
     assert sim.getObjectAlias(cube) == "Cuboid"
-    params = sim.state.edits.params()["primitives"]
+    params = sim.state.scene.edits.params()["primitives"]
     assert "static" not in params["Cuboid"]  # it is, unless the script says otherwise
     assert params["Cuboid"]["mass"] == pytest.approx(500 * 0.006)
     assert (params["Sphere"]["static"], params["Sphere"]["mass"]) == (False, 2.5)
@@ -406,7 +406,7 @@ def test_shapes_are_made_before_the_simulation(sim):
         sim.createPrimitiveShape(CONSTANTS["primitiveshape_cuboid"], [0.1, 0.2, 0.3])
     sim.stopSimulation()
     sim.removeObject(cube)
-    assert "Cuboid" not in sim.state.edits.params()["primitives"]
+    assert "Cuboid" not in sim.state.scene.edits.params()["primitives"]
 
 
 def test_a_mass_that_is_set_while_it_runs_is_that_of_the_next_simulation(sim):
@@ -414,8 +414,8 @@ def test_a_mass_that_is_set_while_it_runs_is_that_of_the_next_simulation(sim):
     sim.startSimulation()
     sim.setShapeMass(box, 2)
     assert sim.state.logged == [("warning", "/box has its new mass from the next simulation on")]
-    assert not sim.state.edits.is_new
-    assert sim.state.edits.params()["masses"] == {"box": 2.0}
+    assert not sim.state.scene.edits.is_new
+    assert sim.state.scene.edits.params()["masses"] == {"box": 2.0}
 
 
 def test_a_held_body_is_told_to_the_plant(sim):
@@ -423,7 +423,7 @@ def test_a_held_body_is_told_to_the_plant(sim):
     sim.getObjectPosition(cube)
     sim.startSimulation()
     sim.setObjectParent(cube, sim.getObject("/arm_link"), True)
-    fields = sim.state.changes.fields()
+    fields = sim.state.scene.changes.fields()
     assert (fields["held"], fields["holders"]) == (["Cuboid"], ["arm_link"])
 
 
@@ -444,7 +444,7 @@ def test_another_world_takes_the_place_of_the_first(sim, folder):
             call()
         # Nothing has changed.
         assert sim.getObjectPosition(box) == pytest.approx([2, 0, 0.5])
-        assert sim.state.edits.params() == {}
+        assert sim.state.scene.edits.params() == {}
     model = sim.loadModel("/models/box.ttm")
     assert sim.getObjectAlias(model) == "box0"
     assert sim.loadScene("/a/other.ttt") == 1
@@ -491,9 +491,9 @@ def test_every_function_is_described():
 
 
 def test_the_port_is_on_this_machine_only(sim):
-    assert sim.state.port
+    port = sim.state.endpoints[0].port
     path = Path("/proc/net/tcp").read_text()
-    row = next(line for line in path.splitlines() if f":{sim.state.port:04X} 00000000:0000" in line)
+    row = next(line for line in path.splitlines() if f":{port:04X} 00000000:0000" in line)
     assert "0100007F:" in row
 
 

@@ -22,7 +22,7 @@ class Joints(Group):
         return joint
 
     def _control(self, handle: int) -> Control:
-        return self.sim.controls[self._joint(handle).name]
+        return self.sim.scene.controls[self._joint(handle).name]
 
     def _state(self, handle: int, values: list[float]) -> float:
         return values[self.sim.scene.joint_index[self._joint(handle).name]]
@@ -45,7 +45,7 @@ class Joints(Group):
         """Put a joint somewhere at once, regardless of forces, but within its limits."""
         joint = self._joint(handle)
         value = self._control(handle).position = joint.within_stops(number(position))
-        self.sim.put_joint(joint, value)
+        self.sim.scene.put_joint(joint, value)
         return 1
 
     def setJointTargetPosition(self, handle: int, position: float, _motion: Any = None) -> int:

@@ -1,6 +1,7 @@
 """Objects: how they are found, where they are, and what they are made of."""
 
 import math
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -91,7 +92,8 @@ class Objects(Group):
 
     def getObjectVelocity(self, handle: int, _options: int = 0) -> tuple[Any, Any]:
         """Return its velocity [m/s] and angular velocity [rad/s] in the world."""
-        return self.sim.velocity_of(self.sim.scene.get(handle))
+        linear, angular = self.sim.scene.velocity_of(self.sim.scene.get(handle))
+        return list(linear), list(angular)
 
     def setObjectParent(self, handle: int, parent: Any = -1, keeps_place: bool = True) -> int:
         """Give an object another parent; a body then goes along with a link, as if held."""
@@ -107,9 +109,9 @@ class Objects(Group):
             pose = own if above is None else composed(scene.world_pose(above, moves=True), own)
         thing.parent = -1 if above is None else above.handle
         if thing.link is None or not keeps_place:
-            self.sim.put(thing, pose)
+            scene.put(thing, pose)
         if thing.is_root:
-            self.sim.hold(thing, above)
+            scene.hold(thing, above)
         return 1
 
     def createDummy(self, *_look: Any) -> int:
@@ -118,14 +120,13 @@ class Objects(Group):
 
     def createPrimitiveShape(self, form: int, sizes: Any, _options: int = 0) -> int:
         """Make a cuboid, a sphere or a cylinder, before the simulation."""
-        return self.sim.make_shape(_kind(_SHAPES, form), numbers(sizes, 3))
+        return self.sim.scene.make_shape(_kind(_SHAPES, form), numbers(sizes, 3))
 
     def createPureShape(self, form: int, options: int, sizes: Any, mass: float, *_: Any) -> int:
         """Make a cuboid (0), a sphere (1) or a cylinder (2) of a mass, before the simulation."""
-        handle = self.sim.make_shape(_kind(_PURE, form), numbers(sizes, 3))
         keys = {"static": bool(options & 16), "respondable": bool(options & 8)}
-        self.sim.shape_changed(handle, mass=number(mass), **keys)
-        return handle
+        size = numbers(sizes, 3)
+        return self.sim.scene.make_shape(_kind(_PURE, form), size, mass=_mass(mass), **keys)
 
     def removeObjects(self, handles: Any, *_more: Any) -> None:
         """Remove objects that the script has made."""
@@ -134,35 +135,70 @@ class Objects(Group):
 
     def removeObject(self, handle: int) -> int:
         """Remove an object that the script has made."""
-        self.sim.remove(self.sim.scene.get(handle))
+        self.sim.scene.discard(self.sim.scene.get(handle))
         return 1
 
-    def getObjectFloatParam(self, handle: int, parameter: int) -> float | None:
+    def getObjectFloatParam(self, handle: int, parameter: int) -> float:
         """Return a property of an object, such as the control mode of a joint."""
-        return self.sim.property_of(self.sim.scene.get(handle), parameter)
+        thing, own = self.sim.scene.get(handle), dict[str, float]()
+        if (joint := thing.joint) is not None:
+            control, velocity = self.sim.scene.controls[joint.name], self.sim.scene.velocity
+            own = {
+                "jointintparam_dynctrlmode": control.mode,
+                "jointintparam_motor_enabled": control.mode != FREE,
+                "jointintparam_ctrl_enabled": control.mode == POSITION,
+                "jointfloatparam_velocity": velocity[self.sim.scene.joint_index[joint.name]],
+                "jointfloatparam_upper_limit": min(joint.upper, math.pi),
+                "jointfloatparam_maxvel": min(control.fastest, sys.float_info.max),
+            }
+        elif thing.camera is not None:
+            row = thing.camera.row
+            larger = math.tan(row.fov / 2) * max(row.width / row.height, 1.0)
+            own = {
+                "visionintparam_resolution_x": row.width,
+                "visionintparam_resolution_y": row.height,
+                "visionfloatparam_perspective_angle": 2.0 * math.atan(larger),
+                "visionfloatparam_near_clipping": row.near,
+                "visionfloatparam_far_clipping": row.far,
+            }
+        elif thing.is_root:
+            bodies = self.sim.scene.physics.world.bodies
+            own["shapeintparam_static"] = bodies[thing.name].fixed_base
+        known = {CONSTANTS[name]: value for name, value in own.items()}
+        return float(known.get(parameter, thing.values.get(str(parameter), 0.0)))
 
     def setObjectFloatParam(self, handle: int, parameter: int, value: float) -> int:
         """Set a property of an object, such as the control mode of a joint."""
         thing, value = self.sim.scene.get(handle), number(value)
         if thing.joint is not None:
-            control = self.sim.controls[thing.joint.name]
+            control = self.sim.scene.controls[thing.joint.name]
             if parameter in _MODES and (mode := _MODES[parameter](value)) is not None:
                 control.drive(mode)
             elif parameter in _FASTEST:
                 control.fastest = abs(value)
-        elif parameter in _KEYS and thing.name in self.sim.edits.primitives:
-            self.sim.shape_changed(handle, **{_KEYS[parameter]: bool(value)})
+        elif parameter in _KEYS:
+            self.sim.scene.change(thing, _KEYS[parameter], bool(value))
         thing.values[str(parameter)] = value
         return 1
 
     def setShapeColor(self, handle: int, _name: Any, _part: int, colour: Any) -> int:
         """Give a shape a colour: red, green, blue, 0 to 1."""
-        self.sim.shape_changed(handle, colour=tuple(numbers(colour, 3)))
+        self.sim.scene.change(self.sim.scene.get(handle), "colour", tuple(numbers(colour, 3)))
         return 1
 
     def setShapeMass(self, handle: int, mass: float) -> None:
         """Give a body of one link another mass, which it has from the next simulation on [kg]."""
-        self.sim.shape_changed(handle, mass=number(mass))
+        thing = self.sim.scene.get(handle)
+        self.sim.scene.change(thing, "mass", _mass(mass))
+        if self.sim.is_running:
+            text = f"{self.sim.scene.path(thing)} has its new mass from the next simulation on"
+            self.sim.logged.append(("warning", text))
+
+
+def _mass(value: object) -> float:
+    if (mass := number(value)) <= 0.0:
+        raise ApiError(f"the mass must be above 0 kg, not {mass:g}.")
+    return mass
 
 
 def _kind(kinds: dict[int, str], form: int) -> str:
@@ -235,7 +271,7 @@ class Poses(Group):
         pose = to(values, self.sim.scene.pose_in(thing, frame))
         if frame is not None:
             pose = composed(self.sim.scene.world_pose(frame, moves=True), pose)
-        self.sim.put(thing, pose)
+        self.sim.scene.put(thing, pose)
         return 1
 
     def buildMatrix(self, where: Any, angles: Any) -> list[float]:

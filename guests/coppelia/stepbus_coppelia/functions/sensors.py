@@ -29,10 +29,11 @@ class Sensors(Group):
         thing = self.sim.scene.get(handle)
         if thing.camera is None:
             raise ApiError("object is not a vision sensor.")
-        if thing.values.get("seen") not in (self.sim.moment, _GIVEN):
+        now = self.sim.runs, self.sim.step
+        if thing.values.get("seen") not in (now, _GIVEN):
             size = thing.camera.row.height, thing.camera.row.width
             colours, depths = thing.camera.render()
-            thing.values["seen"] = self.sim.moment
+            thing.values["seen"] = now
             thing.values["images"] = (
                 np.frombuffer(colours.data, np.uint8).reshape(*size, 3)[::-1],
                 np.frombuffer(depths.data, "<f4").reshape(size)[::-1],

@@ -69,13 +69,13 @@ class Simulation(Group):
 
     def loadScene(self, file: str) -> int:
         """Take another world, as the table `scenes` of the scenario maps the file's name."""
-        self.sim.load_scene(_mapped(self.sim.params.scenes, file, "a world under `scenes`"))
+        self.sim.scene.load_world(_mapped(self.sim.params.scenes, file, "a world under `scenes`"))
         return 1
 
     def loadModel(self, file: str) -> int:
         """Add a body, as the table `models` maps the file's name; return its handle."""
         urdf = _mapped(self.sim.params.models, file, "a URDF under `models`")
-        return self.sim.load_model(urdf, PurePath(file).stem)
+        return self.sim.scene.load_model(urdf, PurePath(file).stem)
 
     def getInt32Param(self, parameter: int) -> int:
         """Return a parameter, such as the version."""
