@@ -175,9 +175,9 @@ class Scene:
             raise ApiError(f"{whose}: link {name!r} is unknown{known}")
         return link
 
-    def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:
+    def add_dummy(self) -> SceneObject:
         """Add an object without a body, such as a frame or a mark."""
-        return self._add(DUMMY, alias, f"~{self._next}", parent)
+        return self._add(DUMMY, "Dummy", f"~{self._next}", None)
 
     def add_shape(self, name: str) -> SceneObject:
         """Add a shape whose body the next copy of the world has."""
@@ -268,10 +268,6 @@ class Scene:
                 names.append(thing.alias)
         return "/" + "/".join(reversed(names))
 
-    def similar(self, path: str) -> str:
-        """Return a hint at what a path may have meant."""
-        return suggest(path, map(self.path, self.objects.values()))
-
     # --- where everything is --------------------------------------------------------------
 
     def velocity_of(self, thing: SceneObject) -> tuple[Point, Point]:
@@ -281,15 +277,7 @@ class Scene:
             above = self.objects[above.parent]
         if above.link is None:
             return REST, REST
-        engine, number, body = self.engine, above.link[0], self.body(above)
-        if self._bodies is not None and body in self._body_names:
-            at, frame = self._body_names.index(body), engine.frame((number, BASE))
-            engine.put(number, frame, self._bodies.velocity[at], self._bodies.spin[at])
-        for joint in self.physics.joints.values():
-            if joint.body == number:
-                index = self.joint_index[joint.name]
-                engine.put_joint(number, joint.index, self.position[index], self.velocity[index])
-        motion = engine.motion(above.link)
+        motion = self.engine.motion(above.link)
         x, y, z = (p - c for p, c in zip(self.world_pose(thing)[0], motion.centre, strict=True))
         (a, b, c), (u, v, w) = motion.spin, motion.velocity
         return (u + b * z - c * y, v + c * x - a * z, w + a * y - b * x), motion.spin
@@ -311,14 +299,15 @@ class Scene:
         if not self._is_stale:
             return
         self._is_stale = False
-        engine, physics = self.engine, self.physics
-        for joint, position in zip(physics.joints.values(), self.position, strict=True):
-            engine.put_joint(joint.body, joint.index, position, 0.0)
-        if (bodies := self._bodies) is not None and self._body_names:
-            rows = zip(self._body_names, bodies.position, bodies.orientation, strict=True)
-            for name, at, turn in rows:
-                engine.put(physics.bodies.index(name), (at, turn))
-        engine.update_shapes()
+        joints = self.physics.joints.values()
+        for joint, *state in zip(joints, self.position, self.velocity, strict=True):
+            self.engine.put_joint(joint.body, joint.index, *state)
+        if (bodies := self._bodies) is not None:
+            frames = zip(bodies.position, bodies.orientation, strict=True)
+            rows = zip(self._body_names, frames, bodies.velocity, bodies.spin, strict=True)
+            for name, frame, velocity, spin in rows:
+                self.engine.put(self.physics.bodies.index(name), frame, velocity, spin)
+        self.engine.update_shapes()
 
     def move_joint(self, joint: Joint, position: float) -> None:
         """Put a joint of the copy somewhere."""

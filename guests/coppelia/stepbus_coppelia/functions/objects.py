@@ -8,6 +8,7 @@ from typing import Any
 from stepbus_coppelia.clients import ApiError
 from stepbus_coppelia.joints import FREE, POSITION, VELOCITY
 from stepbus_coppelia.scene import NOWHERE, SHAPE, SceneObject, composed, relative
+from stepbus_participant import suggest
 from stepbus_plant.geometry import Pose
 
 from . import table
@@ -25,7 +26,6 @@ _MODES: dict[int, Callable[[float], int | None]] = {
     CONSTANTS["jointintparam_ctrl_enabled"]: lambda value: POSITION if value else VELOCITY,
 }
 _FASTEST = {CONSTANTS[f"jointfloatparam_{key}"] for key in ("maxvel", "upper_limit")}
-_MISSING = "object does not exist, or alias/path ({!r}) is ill formatted{}"
 
 
 class Objects(Group):
@@ -44,7 +44,9 @@ class Objects(Group):
         start = self.sim.scene.objects.get(given.get("proxy", -1))
         handle = self.sim.scene.find(str(path), start, int(given.get("index", 0)))
         if handle == -1 and not given.get("noError"):
-            raise ApiError(_MISSING.format(path, self.sim.scene.similar(str(path))))
+            known = suggest(path, map(self.sim.scene.path, self.sim.scene.objects.values()))
+            text = f"object does not exist, or alias/path ({path!r}) is ill formatted"
+            raise ApiError(text + known)
         return handle
 
     def getObjectHandle(self, name: str, options: Any = None) -> int:
@@ -116,7 +118,7 @@ class Objects(Group):
 
     def createDummy(self, *_look: Any) -> int:
         """Make a frame without a body."""
-        return self.sim.scene.add_dummy("Dummy").handle
+        return self.sim.scene.add_dummy().handle
 
     def createPrimitiveShape(self, form: int, sizes: Any, _options: int = 0) -> int:
         """Make a cuboid, a sphere or a cylinder, before the simulation."""

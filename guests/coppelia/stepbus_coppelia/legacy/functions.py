@@ -66,28 +66,16 @@ def _flat(values: Iterable[Any]) -> list[Any]:
     return list(chain.from_iterable(v if isinstance(v, list | tuple) else (v,) for v in values))
 
 
-def _sensor(found: int, *vectors: Any) -> bytes:
-    """Return what a sensor found, and vectors, of zeros where it has none. Raises ApiError."""
-    if found < 0:
-        raise ApiError("the sensor was never handled")
-    return bytes([found & 0xFF]) + _pack("f", [vector or (0.0, 0.0, 0.0) for vector in vectors])
-
-
-def _first(call: Call, *tries: tuple[str, Sequence[Any]]) -> list[Any]:
-    """Return the results of the first call that succeeds. Raises ApiError of the last."""
-    for function, args in tries[:-1]:
-        with contextlib.suppress(ApiError):
-            return call(function, args)
-    return call(*tries[-1])
-
-
 def _object(call: Call, name: str) -> list[Any]:
     """Find an object by a path, or by a name of old: `joint#0` was the second joint."""
     path = name if name[:1] in {"/", ".", ":"} else f"/{name}"
     base, mark, copy = path.rpartition("#")
     index = {"index": int(copy) + 1 if copy.isdecimal() else 0}
-    tries: list[list[Any]] = [[path], [base, index], [base]] if mark else [[path]]
-    return _first(call, *(("getObject", args) for args in tries))
+    tries: list[list[Any]] = [[path], [base, index]] if mark else []
+    for args in tries:
+        with contextlib.suppress(ApiError):
+            return call("getObject", args)
+    return call("getObject", [base if mark else path])
 
 
 def _of_type(call: Call, kind: int) -> list[Any]:
@@ -101,8 +89,8 @@ def _place(function: str) -> Callable[..., list[Any]]:
 
 def _proximity(call: Call, handle: int) -> bytes:
     found, _, point, other, normal = call("readProximitySensor", [handle])
-    parts = _sensor(found, point, normal)
-    return parts[:13] + _pack("1i", [other or 0]) + parts[13:]
+    vectors = [vector or (0.0, 0.0, 0.0) for vector in (point, normal)]
+    return struct.pack("<B3fi3f", found, *vectors[0], other, *vectors[1])
 
 
 def _script(call: Call, named: bytes, data: bytes) -> bytes:
