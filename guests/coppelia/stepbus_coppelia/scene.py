@@ -329,22 +329,21 @@ class Scene:
             return composed(frame, (REST, _from_up(joint.axis)))
         if thing.link is not None:
             return composed(self.engine.frame(thing.link), thing.pose)
-        parent = self.objects.get(thing.parent)
-        frame = NOWHERE if parent is None else self.world_pose(parent, moves=True)
-        return composed(frame, thing.pose)
+        return self.out_of(thing.pose, self.objects.get(thing.parent))
 
-    def pose_in(self, thing: SceneObject, frame: SceneObject | None) -> Pose:
-        """Return the pose of an object in the frame of another one; None: the world."""
-        pose = self.world_pose(thing)
+    def into(self, pose: Pose, frame: SceneObject | None) -> Pose:
+        """Return a pose of the world in the frame of an object; None: the world."""
         return pose if frame is None else relative(self.world_pose(frame, moves=True), pose)
+
+    def out_of(self, pose: Pose, frame: SceneObject | None) -> Pose:
+        """Return a pose in the frame of an object in the world."""
+        return pose if frame is None else composed(self.world_pose(frame, moves=True), pose)
 
     def move(self, thing: SceneObject, pose: Pose) -> None:
         """Put an object somewhere in the copy; raises ApiError for what only joints move."""
         if thing.link is None or thing.kind in (VISION, PROXIMITY):
-            above = self.objects.get(thing.parent)
-            frame = None if above is None else self.world_pose(above, moves=True)
-            frame = self.engine.frame(thing.link) if thing.link is not None else frame
-            thing.pose = pose if frame is None else relative(frame, pose)
+            above = self.objects.get(thing.parent) if thing.link is None else self.of(thing.link)
+            thing.pose = self.into(pose, above)
         elif thing.is_root:
             self.engine.put(thing.link[0], pose)
         else:

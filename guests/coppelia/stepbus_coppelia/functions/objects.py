@@ -107,8 +107,7 @@ class Objects(Group):
             raise ApiError("object is ancestor of desired parent.")
         pose, before = scene.world_pose(thing), scene.objects.get(thing.parent)
         if not keeps_place:
-            own = pose if before is None else relative(scene.world_pose(before, moves=True), pose)
-            pose = own if above is None else composed(scene.world_pose(above, moves=True), own)
+            pose = scene.out_of(scene.into(pose, before), above)
         thing.parent = -1 if above is None else above.handle
         if thing.link is None or not keeps_place:
             scene.put(thing, pose)
@@ -262,18 +261,16 @@ class Poses(Group):
 
     def _seen(self, handle: int, given: Any) -> Pose:
         thing = self.sim.scene.get(handle)
-        return self.sim.scene.pose_in(thing, self._frame(thing, given))
+        return self.sim.scene.into(self.sim.scene.world_pose(thing), self._frame(thing, given))
 
     def _put(self, handle: int, values: Any, given: Any, to: Callable[[Any, Pose], Pose]) -> int:
         """Put an object where values take its pose in a frame; older scripts give that first."""
-        thing = self.sim.scene.get(handle)
+        scene, thing = self.sim.scene, self.sim.scene.get(handle)
         if isinstance(given, list | tuple):
             values, given = given, values
         frame = self._frame(thing, given)
-        pose = to(values, self.sim.scene.pose_in(thing, frame))
-        if frame is not None:
-            pose = composed(self.sim.scene.world_pose(frame, moves=True), pose)
-        self.sim.scene.put(thing, pose)
+        pose = to(values, scene.into(scene.world_pose(thing), frame))
+        scene.put(thing, scene.out_of(pose, frame))
         return 1
 
     def buildMatrix(self, where: Any, angles: Any) -> list[float]:
