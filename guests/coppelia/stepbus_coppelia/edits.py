@@ -1,17 +1,17 @@
 """What a script changes of the scene: at once, or in the next simulation."""
 
 import copy
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from stepbus_coppelia.clients import ApiError
-from stepbus_coppelia.joints import Control
+from stepbus_coppelia.joints import Control, Group
 from stepbus_coppelia.scene import JOINT, Scene, SceneObject
 from stepbus_plant.geometry import Pose
 from stepbus_plant.joint import Joint
 from stepbus_plant.physics import Physics
-from stepbus_schemas import WiringError
+from stepbus_schemas import JointCommand, WiringError
 
 _DENSITY = 500.0
 """Of a shape that a script has made, as in CoppeliaSim [kg/m³]."""
@@ -80,9 +80,22 @@ class EditedScene(Scene):
     ) -> None:
         self._opened, self.edits, self.is_running = opened, Edits(), False
         self.initial, self.changes = Changes(), Changes()
-        self._kept = set[int]()
+        self._kept, self._groups = set[int](), dict[str, Group]()
         super().__init__(opened({}), aliases, sensors)
         self._restore()
+
+    def connect(self, groups: dict[str, Group], joints: Sequence[str], bodies: list[str]) -> None:
+        """Take what a run has: the joints of each command, and of the messages of the plant."""
+        self._groups, self.body_names = groups, bodies
+        self.order = [self.joint_index[name] for name in joints]
+
+    def commands(self) -> dict[str, JointCommand]:
+        """Return the commands of a step, by port: those that are new."""
+        return {
+            port: group.command(self.controls, self)
+            for port, group in self._groups.items()
+            if any(self.controls[name].is_new for name in group.names)
+        }
 
     def begin(self) -> None:
         """Begin a simulation: it has all that was changed before."""

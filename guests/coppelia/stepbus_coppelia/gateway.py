@@ -94,7 +94,7 @@ class Gateway(Participant):
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Take the order of joints and bodies in the plant's messages."""
         bodies = inputs[BODIES].names if BODIES in inputs else []
-        self._session.connect(self._groups, inputs[STATE].names, bodies)
+        self._session.scene.connect(self._groups, inputs[STATE].names, bodies)
 
     def update(self, step: Step) -> dict[str, Message]:
         """Answer the script until the next step may begin; return what it has commanded."""
@@ -106,7 +106,7 @@ class Gateway(Participant):
         if why := session.serve_step():
             step.end(why)
             self._has_ended = True
-        messages: dict[str, Message] = {**session.commands()}
+        messages: dict[str, Message] = {**session.scene.commands()}
         own = {CHANGES: session.scene.changes.fields(), DRAWINGS: session.drawings.fields()}
         if calls := session.calls:
             own[CALLS] = {"calls": list(calls), "times": list(calls.values())}

@@ -68,8 +68,9 @@ class Scene:
     """All objects, and the copy of the world that they are in.
 
     physics: the copy. aliases: path of CoppeliaSim → name in the world. sensors: proximity sensors
-    by name, each with `link`, `position`, `orientation_rpy`. Raises ApiError for an alias or a
-    sensor that names what is not in the world.
+    by name, each with `link`, `position`, `orientation_rpy`. body_names: of the messages of a step;
+    order: place of each of their joints in our lists. Raises ApiError for an alias or a sensor that
+    names what is not in the world.
     """
 
     def __init__(
@@ -77,7 +78,7 @@ class Scene:
     ) -> None:
         self.objects: dict[int, SceneObject] = {}
         self._sensors, self._next = sensors, 10
-        self._body_names, self._order = list[str](), list[int]()
+        self.body_names, self.order = list[str](), list[int]()
         self._by_name: dict[tuple[int, str], SceneObject] = {}
         self.build(physics)
         # Last, since what is built anew has none.
@@ -282,15 +283,11 @@ class Scene:
         (a, b, c), (u, v, w) = motion.spin, motion.velocity
         return (u + b * z - c * y, v + c * x - a * z, w + a * y - b * x), motion.spin
 
-    def connect(self, joints: Sequence[str], bodies: list[str]) -> None:
-        """Take the names of the joints and bodies that the messages of a step are about."""
-        self._body_names, self._order = bodies, [self.joint_index[name] for name in joints]
-
     def take(self, state: JointState, bodies: BodyStates | None) -> None:
         """Take the state of a step."""
         for name in ("position", "velocity", "effort"):
             if (values := getattr(state, name)) is not None:
-                for index, value in zip(self._order, values, strict=True):
+                for index, value in zip(self.order, values, strict=True):
                     getattr(self, name)[index] = value
         self._bodies, self._is_stale = bodies, True
 
@@ -304,7 +301,7 @@ class Scene:
             self.engine.put_joint(joint.body, joint.index, *state)
         if (bodies := self._bodies) is not None:
             frames = zip(bodies.position, bodies.orientation, strict=True)
-            rows = zip(self._body_names, frames, bodies.velocity, bodies.spin, strict=True)
+            rows = zip(self.body_names, frames, bodies.velocity, bodies.spin, strict=True)
             for name, frame, velocity, spin in rows:
                 self.engine.put(self.physics.bodies.index(name), frame, velocity, spin)
         self.engine.update_shapes()

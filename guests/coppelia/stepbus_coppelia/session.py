@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,9 @@ from stepbus_coppelia.clients import ApiError, Client, Endpoint
 from stepbus_coppelia.drawings import Canvas
 from stepbus_coppelia.edits import EditedScene
 from stepbus_coppelia.functions import GROUPS
-from stepbus_coppelia.joints import Group
 from stepbus_coppelia.messages import BodyStates
 from stepbus_coppelia.scene import SceneObject
-from stepbus_schemas import JointCommand, JointState, RunError
+from stepbus_schemas import JointState, RunError
 
 STOPPED, PAUSED, FIRST, RUNNING = 0, 8, 16, 17
 """Numbers of `sim.simulation_*`."""
@@ -71,7 +70,6 @@ class Session:
         self.unanswered, self.calls = Counter[str](), Counter[str]()
         self.values: dict[tuple[str, int], Any] = {}
         self.logged: list[tuple[str, str]] = []
-        self.groups: Mapping[str, Group] = {}
         self.is_ending = self.has_clients = False
         self.runs, self.drawings = 0, Canvas()
         self.collections: dict[int, list[SceneObject]] = {}
@@ -170,11 +168,6 @@ class Session:
         if self.state != STOPPED:
             self.state = PAUSED
 
-    def connect(self, groups: Mapping[str, Group], names: Sequence[str], bodies: list[str]) -> None:
-        """Take what a run has: the joints of each command, and of the messages of the plant."""
-        self.groups = groups
-        self.scene.connect(names, bodies)
-
     def take(self, step: int, state: JointState | None, bodies: BodyStates | None) -> None:
         """Take the state of the plant at a step, and answer those that have waited for it."""
         self.time += self.dt * (step - self.step)
@@ -193,14 +186,6 @@ class Session:
             client.waits = client.waits and self.is_running and self.time < client.until - 1e-9
         for endpoint in self.endpoints:
             endpoint.stepped()
-
-    def commands(self) -> dict[str, JointCommand]:
-        """Return the commands of this step, by port: those that are new."""
-        return {
-            port: group.command(self.scene.controls, self.scene)
-            for port, group in self.groups.items()
-            if any(self.scene.controls[name].is_new for name in group.names)
-        }
 
     def serve_until_started(self) -> bool:
         """Answer calls until a simulation is started; return False when no client is left."""

@@ -81,7 +81,7 @@ def sim(folder):
     said = []
     session = open_session(params, STEP_NS, folder, ((), folder), say=said.append)
     physics = session.scene.physics
-    session.connect(
+    session.scene.connect(
         groups_of(physics.joints, physics.bodies, 0.05), list(physics.joints), ["rover"]
     )
     client = Client("client 1")
@@ -240,7 +240,9 @@ def test_a_joint_has_a_frame_that_stays_and_one_that_moves(sim):
 
 
 def commands(sim):
-    return {port: (c.mode, c.values, c.effort_limit) for port, c in sim.state.commands().items()}
+    return {
+        port: (c.mode, c.values, c.effort_limit) for port, c in sim.state.scene.commands().items()
+    }
 
 
 def test_modes_become_commands_of_one_port_each(sim):
