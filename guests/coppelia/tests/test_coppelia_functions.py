@@ -67,6 +67,12 @@ def sim(folder):
             "legacy_ports": [],
             "plant": {"world": "world.yaml"},
             "aliases": {"/Pioneer/motor[0]": "wheel", "left_motor": "wheel", "OldArm": "arm"},
+            "collisions": {
+                "Collision": ["/rover/arm/lift", "/box"],
+                "Whole": ["/box", "/rover"],
+                "Own": ["/rover", "/arm"],
+                "Lost": ["/rover", "/box2"],
+            },
             "proximity_sensors": {
                 "front": {
                     "link": "body",
@@ -347,6 +353,9 @@ def test_a_proximity_sensor_sees_along_its_axis(sim):
     assert where == pytest.approx([0, 0, 1.25], abs=1e-3)
     assert handle == sim.getObject("/box")
     assert normal == pytest.approx([0, 0, -1], abs=1e-6)
+    for other, finds in (("/box", 1), ("/rover", 0)):
+        assert sim.checkProximitySensor(front, sim.getObject(other))[0] == finds
+    assert sim.checkProximitySensor(front, CONSTANTS["handle_all"])[0] == 1
     sim.setObjectPosition(sim.getObject("/rover"), [10, 0, 0.1])
     assert sim.readProximitySensor(front) == (0, 0.0, [0, 0, 0], -1, [0, 0, 0])
 
@@ -387,6 +396,35 @@ def test_collisions(sim):
     sim.setObjectPosition(rover, [1.5, 0, 0.5])
     for other in (box, group, CONSTANTS["handle_all"]):
         assert sim.checkCollision(rover, other) == (1, [rover, box])
+
+
+def test_collision_objects_are_of_the_scenario(sim):
+    lift, whole = map(sim.getCollisionHandle, ("Collision", "Whole"))
+    assert (sim.readCollision(lift), sim.readCollision(whole)) == (0, 0)
+    sim.setObjectPosition(sim.getObject("/rover"), [1.5, 0, 0.5])
+    assert (sim.readCollision(lift), sim.readCollision(whole)) == (0, 1)
+    whys = {"Colision": "did you mean 'Collision'", "Lost": "'/box2' does not", "Own": "two bodies"}
+    for name, why in whys.items():
+        with pytest.raises(ApiError, match=why):
+            sim.getCollisionHandle(name)
+        assert why in sim.state.logged.pop()[1]
+    for handle in (lift - 1, lift + 9, sim.getObject("/box")):
+        with pytest.raises(ApiError, match="does not exist"):
+            sim.readCollision(handle)
+
+
+def test_names_of_old_do_what_new_ones_do(sim):
+    box, mode = sim.getObject("/box"), CONSTANTS["shapeintparam_static"]
+    assert (sim.getObjectName(box), sim.getObjectIntParameter(box, mode)) == ("box", 1)
+    assert sim.getScriptHandle(1) == sim.getScript(1)
+    assert sim.getShapeColor(box) == (1, [0.75] * 3)
+    sim.setShapeColor(box, None, 0, [1, 0, 0.5])
+    assert sim.getShapeColor(box, None, 0) == (1, [1.0, 0.0, 0.5])
+    assert sim.getObjectChild(sim.getObject("/rover"), 1) == sim.getObject("/arm")
+    assert sim.getObjectChild(CONSTANTS["handle_scene"], 1) == box
+    assert (sim.getObjectChild(box, 0), sim.getObjectChild(box, -1)) == (-1, -1)
+    with pytest.raises(ApiError, match="does not exist"):
+        sim.getObjectChild(99, 0)
 
 
 # --- what a script makes -------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from stepbus_coppelia.legacy.server import LegacyEndpoint
 ONESHOT, BLOCKING, STREAM, SPLIT, DISCONTINUE = 0, 1, 2, 3, 5
 SYNC, NO_SYNC, TRIGGER, ERRORS, FINISH = 1, 2, 3, 4, 10
 GET_JOINT, RUN_STATE, SET_FORCE, IMAGE, INT_PARAM = 0x1001, 0x1007, 0x100E, 0x1004, 0x1021
+CHILD, VISION, COLLISION, READ_COLLISION = 0x200B, 0x1011, 0x300A, 0x1026
 POSITION, SET_POSITION, GROUP, HANDLE = 0x200E, 0x101B, 0x200C, 0x3001
 GET_SIGNAL, SET_SIGNAL, SCRIPT, DIALOG = 0x3012, 0x3015, 0x3401, 0x300C
 RUNS, ENDS, PAUSED = 17, 0, 8
@@ -40,12 +41,10 @@ class Simulator:
     def call(self, client, function, args):
         self.calls.append((function, list(args)))
         self.recorded += [function] * client.is_recorded
-        result = self.objects(function, list(args))
-        if result is None:
-            result = self.others(function, list(args))
-        if result is None:
-            raise ApiError(f"no {function}{args}")
-        return result
+        for known in (self.objects, self.others, self.sensors):
+            if (result := known(function, list(args))) is not None:
+                return result
+        raise ApiError(f"no {function}{args}")
 
     def others(self, function, args):
         match function, args:
@@ -55,7 +54,7 @@ class Simulator:
                 return []
             case "getInt32Param", [_]:
                 return [40600]
-            case "getStringSignal", [name]:
+            case "getBufferSignal", [name]:
                 return [self.signals.get(name)]
             case "setStringSignal", [name, value]:
                 self.signals[name] = value
@@ -64,6 +63,18 @@ class Simulator:
                 return []
             case "callScriptFunction", [name, where, ints, floats, texts, raw]:
                 return [[where, *ints], floats, [*texts, name], raw]
+        return None
+
+    def sensors(self, function, args):
+        match function, args:
+            case "readVisionSensor", [_]:
+                return [0, [0.5, 1.0], []]
+            case "getCollisionHandle", ["Collision"]:
+                return [7]
+            case "readCollision", [7]:
+                return [1]
+            case "getObjectChild", [_, index]:
+                return [index or -1]
         return None
 
     def objects(self, function, args):
@@ -146,11 +157,11 @@ class Script:
         return self.read()[1]
 
 
-def cmd(number, mode=BLOCKING, name=b"", data=b"", period=0, whole=None, named=None):
+def cmd(number, mode=BLOCKING, name=b"", data=b"", period=0, whole=None, place=0, named=None):
     size = 26 + len(name) + len(data)
     named = len(name) if named is None else named
     head = struct.pack(
-        "<iiHiiHiBB", size, whole or size, named, 0, number | mode << 16, period, 0, 0, 0
+        "<iiHiiHiBB", size, whole or size, named, place, number | mode << 16, period, 0, 0, 0
     )
     return head + name + data
 
@@ -258,6 +269,19 @@ def test_data_of_groups(script):
     assert script.ask(cmd(GROUP, name=handle(1, 99)))[GROUP][0] == 1
 
 
+def test_collision_objects(script):
+    assert script.ask(cmd(COLLISION, name=b"Collision\0"))[COLLISION] == (0, 0, handle(7))
+    assert script.ask(cmd(READ_COLLISION, name=handle(7)))[READ_COLLISION] == (0, 0, handle(1))
+    assert script.ask(cmd(COLLISION, name=b"other\0"))[COLLISION][0] == 1
+    assert script.ask(cmd(READ_COLLISION, name=handle(1)))[READ_COLLISION][0] == 1
+
+
+def test_vision_sensors_and_children(script):
+    packets = b"\0" + handle(1, 2) + struct.pack("<2f", 0.5, 1.0)
+    assert script.ask(cmd(VISION, name=handle(3)))[VISION] == (0, 0, packets)
+    assert script.ask(cmd(CHILD, name=handle(1, 0)))[CHILD] == (0, 0, handle(-1))
+
+
 # --- modes -----------------------------------------------------------------------------------
 
 
@@ -300,6 +324,16 @@ def test_a_single_read_ends_the_stream_of_the_same(script):
     script.ask(cmd(GET_JOINT, STREAM, handle(1)), cmd(GET_JOINT, STREAM, handle(2)))
     script.ask(cmd(GET_JOINT, BLOCKING, handle(1)))
     assert len(script.ask()) == 1
+
+
+def test_a_command_in_parts(sim, script):
+    name, data = b"s\0", bytes(range(250))
+    for place in (0, 100, 200):
+        part = data[place : place + 100]
+        script.write(cmd(SET_SIGNAL, SPLIT, name, part, 100, 26 + len(name) + len(data), place))
+        script.read()
+        assert ("s" in sim.signals) == (place == 200)
+    assert sim.signals["s"] == data
 
 
 def test_a_message_in_packets_and_a_long_answer(sim, script):
@@ -408,12 +442,17 @@ def packet(body, left=0):
         (packet(b""), "message of 0 bytes"),
         (packet(HEADER + b"abc"), "command of 3 bytes"),
         (packet(HEADER + cmd(GET_JOINT, name=handle(1), named=99)), "99 its name"),
-        (packet(HEADER + cmd(GET_JOINT, SPLIT, whole=2**31 - 1)), "sends in parts"),
-        (packet(HEADER + struct.pack("<iiHiiHiBB", 0, 0, 0, 0, 1, 0, 0, 0, 0)), "of 0 bytes"),
+        (packet(HEADER + cmd(GET_JOINT, whole=2**31 - 1)), f"of {2**31 - 1} bytes"),
+        (packet(HEADER + cmd(GET_JOINT, whole=1)), "of 1 bytes"),
+        (packet(HEADER + struct.pack("<iiHiiHiBB", 0, 0, 0, 0, 1, 0, 0, 0, 0)), "of 0 of 0"),
         (packet(HEADER + struct.pack("<iiHiiHiBB", -5, -5, 0, 0, 1, 0, 0, 0, 0)), "of -5"),
         (
             packet(HEADER, 1) + packet(cmd(NO_SYNC) * 1000, 1) * 4 + packet(cmd(NO_SYNC) * 97),
             "4096 c",
+        ),
+        (
+            packet(HEADER + b"".join(cmd(1, whole=99, name=b"%4d" % n) for n in range(70))),
+            "incomplete",
         ),
         (packet(HEADER + b"".join(cmd(IMAGE, name=handle(n)) for n in range(70))), "asks for more"),
     ],

@@ -27,15 +27,21 @@ _MODES: dict[int, Callable[[float], int | None]] = {
 }
 _FASTEST = {CONSTANTS[f"jointfloatparam_{key}"] for key in ("maxvel", "upper_limit")}
 
+_PARAMS = ("Int32Param", "IntParam", "Int32Parameter", "IntParameter", "FloatParameter")
+"""Names of old and new, of functions that take any number."""
+
 
 class Objects(Group):
     """Paths, trees, and what objects are made of."""
 
     title = "objects"
     also = {
+        "getObjectName": "getObjectAlias",
+        "setObjectName": "setObjectAlias",
         "getVelocity": "getObjectVelocity",
-        "getObjectInt32Param": "getObjectFloatParam",
-        "setObjectInt32Param": "setObjectFloatParam",
+        "removeModel": "removeObject",
+        **{f"getObject{k}": "getObjectFloatParam" for k in _PARAMS},
+        **{f"setObject{k}": "setObjectFloatParam" for k in _PARAMS},
     }
 
     def getObject(self, path: str, options: Any = None) -> int:
@@ -81,6 +87,12 @@ class Objects(Group):
     def getObjectParent(self, handle: int) -> int:
         """Return the parent of an object; -1: it has none."""
         return self.sim.scene.get(handle).parent
+
+    def getObjectChild(self, handle: int, index: int) -> int:
+        """Return the child of an object at an index; -1: there is none."""
+        top = -1 if handle in _NO_FRAMES else self.sim.scene.get(handle).handle
+        children = [o.handle for o in self.sim.scene.objects.values() if o.parent == top]
+        return children[index] if 0 <= index < len(children) else -1
 
     def getObjectsInTree(self, handle: int, kind: int = _ALL, options: int = 0) -> list[int]:
         """Return the objects of a tree, of one kind; options 1: without its root, 2: children."""
@@ -184,8 +196,14 @@ class Objects(Group):
 
     def setShapeColor(self, handle: int, _name: Any, _part: int, colour: Any) -> int:
         """Give a shape a colour: red, green, blue, 0 to 1."""
-        self.sim.scene.change(self.sim.scene.get(handle), "colour", tuple(numbers(colour, 3)))
+        thing = self.sim.scene.get(handle)
+        thing.values["colour"] = numbers(colour, 3)
+        self.sim.scene.change(thing, "colour", tuple(thing.values["colour"]))
         return 1
+
+    def getShapeColor(self, handle: int, *_more: Any) -> tuple[int, list[float]]:
+        """Return 1 and the colour that a script has given a shape; grey: none."""
+        return 1, self.sim.scene.get(handle).values.get("colour", [0.75, 0.75, 0.75])
 
     def setShapeMass(self, handle: int, mass: float) -> None:
         """Give a body of one link another mass, which it has from the next simulation on [kg]."""

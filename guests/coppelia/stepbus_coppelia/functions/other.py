@@ -59,6 +59,7 @@ class Other(Group):
     """Buffers, drawing objects, and functions of other scripts."""
 
     title = "buffers, drawing and scripts"
+    also = {"getScriptHandle": "getScript"}
 
     def packTable(self, table: Any, _scheme: int = 0) -> bytes:
         """Return a table as a buffer, in CBOR."""

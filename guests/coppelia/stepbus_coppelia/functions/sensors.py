@@ -8,6 +8,7 @@ import numpy as np
 from stepbus_coppelia.clients import ApiError
 from stepbus_coppelia.proximity import reading
 from stepbus_coppelia.scene import SHAPE, SceneObject
+from stepbus_participant import suggest
 from stepbus_plant.engine import Link
 
 from .table import CONSTANTS, Group, number
@@ -16,13 +17,21 @@ _ALL = CONSTANTS["handle_all"]
 _NOTHING = (0, 0.0, [0.0, 0.0, 0.0], -1, [0.0, 0.0, 0.0])
 _GIVEN = (-1, -1)
 """Moment of an image that a script has given."""
+_COLLISIONS = 3_000_000
+"""Handle of the first collision object."""
 
 
 class Sensors(Group):
     """What sensors detect, and which objects touch."""
 
     title = "sensors"
-    also = {"setVisionSensorCharImage": "setVisionSensorImg"}
+    also = {
+        "getVisionSensorResolution": "getVisionSensorRes",
+        "setVisionSensorImage": "setVisionSensorImg",
+        "setVisionSensorCharImage": "setVisionSensorImg",
+        "checkVisionSensor": "handleVisionSensor",
+        "handleProximitySensor": "readProximitySensor",
+    }
 
     def _images(self, handle: int) -> tuple[Any, Any, Any]:
         """Return settings, colours, shape (h, w, 3), and depths [m], bottom row first."""
@@ -107,9 +116,53 @@ class Sensors(Group):
             raise ApiError("object is not a proximity sensor.")
         return reading(self.sim.scene, thing) or _NOTHING
 
+    def checkProximitySensor(self, handle: int, entity: int = _ALL) -> tuple[Any, ...]:
+        """Return the same, if what it detects is an object, in its tree or in a collection."""
+        found, links = self.readProximitySensor(handle), self._links(entity)
+        fits = entity == _ALL or found[3] in [self.sim.scene.of(link).handle for link in links]
+        return found if fits else _NOTHING
+
     def checkCollision(self, one: int, other: int = _ALL) -> tuple[int, list[int]]:
         """Return whether two objects of different bodies collide, and the handles of both."""
-        first, second = self._links(one), self._links(other)
+        return self._collide(self._links(one), self._links(other))
+
+    def getCollisionHandle(self, name: str) -> int:
+        """Return the handle of a collision object, which `collisions` of the gateway names."""
+        try:
+            self._pair(name)
+        except ApiError as exc:
+            # A client of the legacy API gets no text.
+            self.sim.logged.append(("warning", f"collision object {name!r}: {exc}"))
+            raise
+        return _COLLISIONS + list(self.sim.params.collisions).index(name)
+
+    def readCollision(self, handle: int) -> int:
+        """Return 1 if the two objects of a collision object collide, otherwise 0."""
+        names = dict(enumerate(self.sim.params.collisions, _COLLISIONS))
+        return self._collide(*self._pair(names.get(handle, "")))[0]
+
+    def _pair(self, name: str) -> tuple[list[Link], list[Link]]:
+        """Return the links of both objects of a collision object; raises ApiError."""
+        known = self.sim.params.collisions
+        if name not in known:
+            hint = "name its two objects under `collisions` of the gateway"
+            raise ApiError(f"object does not exist; {hint}{suggest(name, known)}")
+        one, other = map(self._whole, known[name])
+        if len({link[0] for link in (*one, *other)}) < 2:
+            raise ApiError("its objects are not of two bodies, which alone collide.")
+        return one, other
+
+    def _whole(self, path: str) -> list[Link]:
+        """Return the links of an object by its path: of a robot all."""
+        scene = self.sim.scene
+        if (thing := scene.objects.get(scene.find(path))) is None:
+            known = suggest(path, map(scene.path, scene.objects.values()))
+            raise ApiError(f"{path!r} does not exist{known}")
+        if thing.is_root and thing.link is not None:
+            return list(scene.engine.links(thing.link[0]).values())
+        return self._links(thing.handle)
+
+    def _collide(self, first: list[Link], second: list[Link]) -> tuple[int, list[int]]:
         near = [row for link in first for row in self.sim.scene.engine.closest(link, 1e-3)]
         rows = [row for row in near if row.other in second]
         found = min(rows, key=lambda contact: contact.distance, default=None)

@@ -20,6 +20,8 @@ class Simulation(Group):
         "yield": "step",
         "switchThread": "step",
         "releaseLock": "acquireLock",
+        "getInt32Parameter": "getInt32Param",
+        "setInt32Parameter": "setFloatParam",
         **{f"set{k}Param": "setFloatParam" for k in ("Int32", "Bool", "String")},
     }
 

@@ -87,6 +87,12 @@ def _place(function: str) -> Callable[..., list[Any]]:
     return lambda call, handle, to, *values: call(function, [handle, list(values), to])
 
 
+def _vision(call: Call, handle: int) -> bytes:
+    found, *packets = call("readVisionSensor", [handle])
+    packets = [packet for packet in packets if packet]
+    return struct.pack("<B", found) + _pack("c", map(len, packets)) + _pack("f", packets)
+
+
 def _proximity(call: Call, handle: int) -> bytes:
     found, _, point, other, normal = call("readProximitySensor", [handle])
     vectors = [vector or (0.0, 0.0, 0.0) for vector in (point, normal)]
@@ -164,10 +170,11 @@ _PLAIN = """
 200d getObjectOrientation 2i - 3f   200e getObjectPosition 2i - 3f
 2801 getObjectQuaternion 2i - 4f   3002 loadScene s - -   3003 loadModel s - 1i
 3010 getFloatSignal s - 1f   3011 getInt32Signal s - 1i   3013 setFloatSignal s f -
-3014 setInt32Signal s i -   3015 setStringSignal s b -   3012 getStringSignal s - t
+3014 setInt32Signal s i -   3015 setStringSignal s b -   3012 getBufferSignal s - t
 300d clearFloatSignal n - -   300e clearInt32Signal n - -   300f clearStringSignal n - -
 1003 getVisionSensorImg i =1 p   1004 getVisionSensorImg i =0 p   1025 getStringParam i - z
-1017 getVisionSensorDepth i =0 p   200f checkCollision 2i - 1i
+1017 getVisionSensorDepth i =0 p   200f checkCollision 2i - 1i   1026 readCollision i - 1i
+300a getCollisionHandle s - 1i   200b getObjectChild 2i - 1i   1037 removeModel i - -
 """
 """Number and function, what the command is named by, its data, its answer's; - is nothing."""
 _TABLE: dict[int, tuple[str | Callable[..., Any], str, str, str]] = {
@@ -177,6 +184,7 @@ _TABLE: dict[int, tuple[str | Callable[..., Any], str, str, str]] = {
     0x1009: (_proximity, "i", "", ""),
     # The most force: its sign is that of the target velocity.
     0x100E: (lambda call, *args: call("setJointTargetForce", [*args, False]), "i", "f", ""),
+    0x1011: (_vision, "i", "", ""),
     0x101A: (_place("setObjectOrientation"), "i", "i3f", ""),
     0x101B: (_place("setObjectPosition"), "i", "i3f", ""),
     0x1028: (lambda call, handle: call("removeObjects", [[handle]]), "i", "", ""),
@@ -192,14 +200,13 @@ for _code, _name, *_forms in zip(*[iter(_PLAIN.split())] * 5, strict=True):
     _TABLE[int(_code, 16)] = (_name, _named, _takes, _gives)
 _REFUSED = """
 0005 CloseScene 0006 GetObjectSelection 100a GetJointMatrix 100b SetSphericalJointMatrix
-100f ReadForceSensor 1010 BreakForceSensor 1011 ReadVisionSensor 1014 AuxiliaryConsoleClose
-1015 AuxiliaryConsolePrint 1016 AuxiliaryConsoleShow 101d GetArrayParameter 101e SetArrayParameter
-1026 ReadCollision 1027 ReadDistance 1029 RemoveUI 102b EndDialog 102c GetDialogInput
-102d GetDialogResult 102e CopyPasteObjects 102f SetObjectSelection 1034 GetModelProperty
-1035 SetModelProperty 1037 RemoveModel 2001 GetUISlider 2002 SetUISlider 2003 GetUIEventButton
-2004 GetUIButtonProperty 2005 SetUIButtonProperty 2006 SetUIButtonLabel 200b GetObjectChild
-2010 CheckDistance 3004 TransferFile 3005 LoadUI 3006 EraseFile 3007 GetUIHandle
-3009 AuxiliaryConsoleOpen 300a GetCollisionHandle 300b GetDistanceHandle 300c DisplayDialog
+100f ReadForceSensor 1010 BreakForceSensor 1014 AuxiliaryConsoleClose 1015 AuxiliaryConsolePrint
+1016 AuxiliaryConsoleShow 101d GetArrayParameter 101e SetArrayParameter 1027 ReadDistance
+1029 RemoveUI 102b EndDialog 102c GetDialogInput 102d GetDialogResult 102e CopyPasteObjects
+102f SetObjectSelection 1034 GetModelProperty 1035 SetModelProperty 2001 GetUISlider
+2002 SetUISlider 2003 GetUIEventButton 2004 GetUIButtonProperty 2005 SetUIButtonProperty
+2006 SetUIButtonLabel 2010 CheckDistance 3004 TransferFile 3005 LoadUI 3006 EraseFile
+3007 GetUIHandle 3009 AuxiliaryConsoleOpen 300b GetDistanceHandle 300c DisplayDialog
 3016 AppendStringSignal 3017 GetAndClearStringSignal 3018 ReadStringStream 3019 GetCollectionHandle
 """
 _NAMES = dict(zip(*[iter(_REFUSED.split())] * 2, strict=True))

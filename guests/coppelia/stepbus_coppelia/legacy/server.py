@@ -26,9 +26,9 @@ _CHUNK, _HEAVY = 1 << 16, 4096
 """Most to read at once; what a stream may send more than once in a step [bytes]."""
 _STOPPED, _PAUSED, _ADVANCING = 0, 8, 16
 _MOST_BYTES = 64 << 20
-"""Longest message, and most that one is answered."""
-_MOST_COMMANDS = 4096
-"""Most commands in a message, which run before another client is served."""
+"""Longest message, and most that a client may have sent of commands not yet complete."""
+_MOST_COMMANDS, _MOST_PARTS = 4096, 64
+"""Most commands in a message, which run before another client is served; most incomplete ones."""
 _LONGEST_PACKET, _VERSION = 30000, 11
 """The client reads the size of a packet as a signed number."""
 _STREAMING, _STREAMING_SPLIT, _DISCONTINUE = 2, 4, 5
@@ -82,6 +82,7 @@ class _Connection(Client):
         self.held: _Origin | None = None
         self.has_finished = False
         self._arrived, self._whole = bytearray(), bytearray()
+        self._parts: dict[tuple[int, bytes], bytearray] = {}
         self._answers: list[_Command] = []
         # the command, when it was last sent [s], before 0: not yet, and whether it is heavy
         self._streams: dict[tuple[int, bytes], tuple[_Command, float, bool]] = {}
@@ -133,16 +134,26 @@ class _Connection(Client):
                 return
             if data_at > len(message):
                 raise _FrameError(f"sent a command of {len(message) - at} bytes")
-            size, whole, named, _, code, period, *_ = _COMMAND.unpack_from(message, at)
+            size, whole, named, place, code, period, *_ = _COMMAND.unpack_from(message, at)
             data_at, end = data_at + named, at + size
-            if not data_at <= end <= len(message):
-                raise _FrameError(f"sent a command of {size} bytes, {named} its name")
+            if not data_at <= end <= len(message) or not size <= whole <= _MOST_BYTES:
+                raise _FrameError(f"sent a command of {size} of {whole} bytes, {named} its name")
             number, mode = code & 0xFFFF, code >> 16
-            if size != whole:
-                raise _FrameError("sends in parts (simx_opmode_…_split), which is not available")
             name, data = message[data_at - named : data_at], message[data_at:end]
-            yield _Command(number, mode, name, data, period if mode == _STREAMING else 0)
+            if size == whole:
+                yield _Command(number, mode, name, data, period if mode == _STREAMING else 0)
+            elif self._completes(part := (number, name), data, place, whole):
+                yield _Command(number, mode, name, bytes(self._parts.pop(part)))
         raise _FrameError(f"sent more than {_MOST_COMMANDS} commands at once")
+
+    def _completes(self, key: tuple[int, bytes], data: bytes, place: int, whole: int) -> bool:
+        """Add a part of a command; return whether that was the last."""
+        part = self._parts.setdefault(key, bytearray())
+        del part[place:]
+        part += data
+        if sum(map(len, self._parts.values())) > _MOST_BYTES or len(self._parts) > _MOST_PARTS:
+            raise _FrameError(f"sent more than {_MOST_BYTES} bytes of incomplete commands")
+        return len(part) + len(key[1]) + _COMMAND.size >= whole
 
     def answer(self) -> None:
         """Answer the message that was held, with what is streamed. Raises _FrameError, OSError."""
