@@ -90,10 +90,10 @@ def read_units(root: Any) -> Units:
         row = None
         if base is not None:
             texts = {**dict.fromkeys((*_BASES, "offset"), "0"), "factor": "1", **base.attrib}
-            row = {key: value_of("Real", text, f"unit {name}") for key, text in texts.items()}
-            if not row["factor"]:
+            read = {key: value_of("Real", text, f"unit {name}") for key, text in texts.items()}
+            if not read["factor"]:
                 raise WiringError(f"unit {name} has the factor 0")
-            row = SimpleNamespace(**row)
+            row = SimpleNamespace(**read)
         made.append(SimpleNamespace(name=name, baseUnit=row, displayUnits=()))
     return Units(SimpleNamespace(unitDefinitions=made))
 
