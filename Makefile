@@ -157,7 +157,8 @@ examples: examples-c examples-rust
 examples-c:
 	@command -v gcc >/dev/null || { echo "skipped examples/controllers/c: gcc is not installed"; exit 0; }; \
 		$(MAKE) --no-print-directory -C examples/controllers/c && \
-		$(MAKE) --no-print-directory -C examples/thruster
+		$(MAKE) --no-print-directory -C examples/thruster && \
+		$(MAKE) --no-print-directory -C examples/fmu_drives PYTHON=$(abspath $(PYTHON))
 
 examples-rust:
 	@command -v cargo >/dev/null || { echo "skipped examples/controllers/rust: cargo is not installed"; exit 0; }; \

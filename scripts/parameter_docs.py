@@ -236,7 +236,9 @@ def form_of(schema: Schema) -> str:
         text = f"map: name → {form_of(values)}" if isinstance(values, dict) else "map"
     elif name == "array":
         count = schema.get("minItems")
-        text = f"{count} numbers" if count else f"list of {form_of(schema['items'])}"
+        items = form_of(schema["items"])
+        many = "texts" if items == "text" else "numbers"
+        text = f"{count} {many}" if count else f"list of {items}"
     elif "exclusiveMinimum" in schema:
         text = f"{name} > {schema['exclusiveMinimum']:g}"
     elif "minimum" in schema and "maximum" in schema:

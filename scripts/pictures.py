@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -22,13 +23,17 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from PIL import Image
+
+from stepbus_orchestrator.recording import Recording
+from stepbus_tools.report.charts import Chart, Role, find_signals
+from stepbus_tools.report.picture import save
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs/pictures"
@@ -84,8 +89,16 @@ class Runs:
 
 
 def run_command(words: Sequence[str], *, cwd: Path = ROOT, may_fail: bool = False) -> None:
-    """Run a command, whose errors are those of this script."""
-    subprocess.run(words, cwd=cwd, check=not may_fail, stdout=subprocess.DEVNULL, timeout=900)
+    """Run a command, whose errors are those of this script, and whose Python is the one of it."""
+    path = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
+    subprocess.run(
+        words,
+        cwd=cwd,
+        check=not may_fail,
+        stdout=subprocess.DEVNULL,
+        timeout=900,
+        env={**os.environ, "PATH": path},
+    )
 
 
 def small(path: Path, colours: int, most: int | None = None) -> None:
@@ -110,6 +123,7 @@ class Entry:
     title: str
     shows: str
     signals: Sequence[str] = ()
+    panels: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     seen: Sequence[float] = (0.0, 6.0)
     viewpoint: str = "corner"
     needs: str = ""
@@ -126,12 +140,16 @@ class Entry:
     def name(self) -> str:
         """Return the name of its picture."""
         flat = self.run.removeprefix("examples/").replace("controllers/", "controller_")
-        return f"gallery/{flat.replace('/', '_')}.{'png' if self.signals else 'gif'}"
+        return f"gallery/{flat.replace('/', '_')}.{'png' if self.signals or self.panels else 'gif'}"
 
     def draw(self, runs: Runs, target: Path) -> None:
         """Make a plot, or a film."""
         if self.before:
             run_command(self.before.split())
+        if self.panels:
+            save(self.title, [self._panel(runs, title) for title in self.panels], target)
+            small(target, 64, 1000)
+            return
         folder = runs.of(self.run)
         # The title of a plot is the path of its recording.
         if self.signals:
@@ -144,6 +162,19 @@ class Entry:
         run_command([*STEPBUS, *words], cwd=folder.parent)
         if self.signals:
             small(target, 64, 800)
+
+    def _panel(self, runs: Runs, title: str) -> Chart:
+        """Return a panel, whose lines may come from several runs."""
+        lines = []
+        names = list(dict.fromkeys(name for panel in self.panels.values() for name in panel))
+        for name, text in self.panels[title].items():
+            run, _, signal = text.rpartition(": ")
+            with Recording(runs.of(run or self.run) / "run.mcap") as recording:
+                (chart,) = find_signals(recording, signal)
+            role: Role = "reference" if name == "reference" else "measured"
+            number = names.index(name)
+            lines.append(replace(chart.lines[0], label=name, number=number, role=role))
+        return Chart(title, chart.unit, lines)
 
     def paragraph(self, facts: Facts) -> str:
         """Return what the page says of it."""

@@ -33,6 +33,7 @@ EXTRAS = {
     "sweep": "sweeps: tables, report page, optimizer",
     "cluster": "sweeps on a Ray cluster",
     "coppelia": "scripts for CoppeliaSim: `stepbus coppelia`",
+    "fmi": "FMUs: `stepbus run model.fmu`, `stepbus export-fmu`",
     "gym": "Gymnasium environments",
     "docs": "the documentation site",
     "dev": "the tests, the type checker and the linter",

@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from stepbus_coppelia.edits import Changes, EditedScene
 from stepbus_coppelia.joints import groups_of
 from stepbus_coppelia.legacy.server import LegacyEndpoint
 from stepbus_coppelia.params import Params
 from stepbus_coppelia.plant import BODIES, CHANGES, SceneParams
 from stepbus_coppelia.scene_plant import scene_world
-from stepbus_coppelia.session import Changes, Edits, ScriptFailed, Session
+from stepbus_coppelia.session import ScriptFailed, Session
 from stepbus_coppelia.zmq_api import ZmqEndpoint
 from stepbus_participant import Config, Participant, Problems, Step, StepsOver, load_class, warn
 from stepbus_plant import load_world
@@ -43,13 +44,13 @@ def open_session(
         return physics
 
     functions = load_class(params.functions, folder)() if params.functions else None
-    session = Session(Edits(opened), step_ns * 1e-9, params, functions, **how)
+    scene = EditedScene(opened, params.aliases, params.proximity_sensors)
+    session = Session(scene, step_ns * 1e-9, params, functions, **how)
     try:
-        zmq = ZmqEndpoint(session, params.port)
-        session.listen(zmq)
+        session.listen(ZmqEndpoint(session, port := params.port))
         for port in params.legacy_ports:
             session.listen(LegacyEndpoint(session, port))
-        session.start_script(*script, zmq.port)
+        session.start_script(*script)
     except BaseException as exc:
         session.close()
         if isinstance(exc, OSError):
@@ -93,7 +94,7 @@ class Gateway(Participant):
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Take the order of joints and bodies in the plant's messages."""
         bodies = inputs[BODIES].names if BODIES in inputs else []
-        self._session.connect(self._groups, inputs[STATE].names, bodies)
+        self._session.scene.connect(self._groups, inputs[STATE].names, bodies)
 
     def update(self, step: Step) -> dict[str, Message]:
         """Answer the script until the next step may begin; return what it has commanded."""
@@ -105,11 +106,11 @@ class Gateway(Participant):
         if why := session.serve_step():
             step.end(why)
             self._has_ended = True
-        messages: dict[str, Message] = {**session.commands()}
-        own = {CHANGES: session.changes.fields(), DRAWINGS: session.drawings.fields()}
+        messages: dict[str, Message] = {**session.scene.commands()}
+        own = {CHANGES: session.scene.changes.fields(), DRAWINGS: session.drawings.fields()}
         if calls := session.calls:
             own[CALLS] = {"calls": list(calls), "times": list(calls.values())}
-        session.changes, session.calls = Changes(), Counter()
+        session.scene.changes, session.calls = Changes(), Counter()
         is_first = step.index == 0
         messages |= {p: self._classes[p](**row) for p, row in own.items() if row or is_first}
         if session.logged:

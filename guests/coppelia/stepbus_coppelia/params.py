@@ -41,6 +41,9 @@ class Params(Settings):
     the world."""
     proximity_sensors: dict[str, ProximitySettings] = {}
     """Proximity sensors by name."""
+    collisions: dict[str, tuple[str, str]] = {}
+    """Collision object of `simxGetCollisionHandle` → paths of the two objects; that of a robot
+    stands for all of its links."""
     scenes: dict[str, str] = {}
     """File that scripts load, such as `robot.ttt` → world file."""
     models: dict[str, str] = {}

@@ -68,7 +68,9 @@ class Scene:
     """All objects, and the copy of the world that they are in.
 
     physics: the copy. aliases: path of CoppeliaSim → name in the world. sensors: proximity sensors
-    by name, each with `link`, `position`, `orientation_rpy`. body_names: of the messages.
+    by name, each with `link`, `position`, `orientation_rpy`. body_names: of the messages of a step;
+    order: place of each of their joints in our lists. Raises ApiError for an alias or a sensor that
+    names what is not in the world.
     """
 
     def __init__(
@@ -76,7 +78,7 @@ class Scene:
     ) -> None:
         self.objects: dict[int, SceneObject] = {}
         self._sensors, self._next = sensors, 10
-        self.body_names: Sequence[str] = ()
+        self.body_names, self.order = list[str](), list[int]()
         self._by_name: dict[tuple[int, str], SceneObject] = {}
         self.build(physics)
         # Last, since what is built anew has none.
@@ -125,7 +127,7 @@ class Scene:
     def reset(self) -> None:
         """Put everything where it is before a simulation."""
         for joint in self.physics.joints.values():
-            self.put_joint(joint, joint.start)
+            self.move_joint(joint, joint.start)
         for number, frame in enumerate(self._start):
             self.engine.put(number, frame)
         self.velocity = [joint.start_velocity for joint in self.physics.joints.values()]
@@ -174,9 +176,9 @@ class Scene:
             raise ApiError(f"{whose}: link {name!r} is unknown{known}")
         return link
 
-    def add_dummy(self, alias: str, parent: SceneObject | None = None) -> SceneObject:
+    def add_dummy(self) -> SceneObject:
         """Add an object without a body, such as a frame or a mark."""
-        return self._add(DUMMY, alias, f"~{self._next}", parent)
+        return self._add(DUMMY, "Dummy", f"~{self._next}", None)
 
     def add_shape(self, name: str) -> SceneObject:
         """Add a shape whose body the next copy of the world has."""
@@ -267,11 +269,6 @@ class Scene:
                 names.append(thing.alias)
         return "/" + "/".join(reversed(names))
 
-    def similar(self, path: str) -> str:
-        """Return a hint at what a path may have meant."""
-        alias = path.strip("./").rpartition("/")[2]
-        return suggest(alias, [o.alias for o in self.objects.values()])
-
     # --- where everything is --------------------------------------------------------------
 
     def velocity_of(self, thing: SceneObject) -> tuple[Point, Point]:
@@ -281,24 +278,16 @@ class Scene:
             above = self.objects[above.parent]
         if above.link is None:
             return REST, REST
-        engine, number, body = self.engine, above.link[0], self.body(above)
-        if self._bodies is not None and body in self.body_names:
-            at, frame = self.body_names.index(body), engine.frame((number, BASE))
-            engine.put(number, frame, self._bodies.velocity[at], self._bodies.spin[at])
-        for joint in self.physics.joints.values():
-            if joint.body == number:
-                index = self.joint_index[joint.name]
-                engine.put_joint(number, joint.index, self.position[index], self.velocity[index])
-        motion = engine.motion(above.link)
+        motion = self.engine.motion(above.link)
         x, y, z = (p - c for p, c in zip(self.world_pose(thing)[0], motion.centre, strict=True))
         (a, b, c), (u, v, w) = motion.spin, motion.velocity
         return (u + b * z - c * y, v + c * x - a * z, w + a * y - b * x), motion.spin
 
-    def take(self, state: JointState, order: Sequence[int], bodies: BodyStates | None) -> None:
-        """Take the state of a step; order: place of each joint of the message in our lists."""
+    def take(self, state: JointState, bodies: BodyStates | None) -> None:
+        """Take the state of a step."""
         for name in ("position", "velocity", "effort"):
             if (values := getattr(state, name)) is not None:
-                for index, value in zip(order, values, strict=True):
+                for index, value in zip(self.order, values, strict=True):
                     getattr(self, name)[index] = value
         self._bodies, self._is_stale = bodies, True
 
@@ -307,16 +296,17 @@ class Scene:
         if not self._is_stale:
             return
         self._is_stale = False
-        engine, physics = self.engine, self.physics
-        for joint, position in zip(physics.joints.values(), self.position, strict=True):
-            engine.put_joint(joint.body, joint.index, position, 0.0)
-        if (bodies := self._bodies) is not None and self.body_names:
-            rows = zip(self.body_names, bodies.position, bodies.orientation, strict=True)
-            for name, at, turn in rows:
-                engine.put(physics.bodies.index(name), (at, turn))
-        engine.update_shapes()
+        joints = self.physics.joints.values()
+        for joint, *state in zip(joints, self.position, self.velocity, strict=True):
+            self.engine.put_joint(joint.body, joint.index, *state)
+        if (bodies := self._bodies) is not None:
+            frames = zip(bodies.position, bodies.orientation, strict=True)
+            rows = zip(self.body_names, frames, bodies.velocity, bodies.spin, strict=True)
+            for name, frame, velocity, spin in rows:
+                self.engine.put(self.physics.bodies.index(name), frame, velocity, spin)
+        self.engine.update_shapes()
 
-    def put_joint(self, joint: Joint, position: float) -> None:
+    def move_joint(self, joint: Joint, position: float) -> None:
         """Put a joint of the copy somewhere."""
         index = self.joint_index[joint.name]
         self.position[index], self.velocity[index] = position, 0.0
@@ -336,22 +326,21 @@ class Scene:
             return composed(frame, (REST, _from_up(joint.axis)))
         if thing.link is not None:
             return composed(self.engine.frame(thing.link), thing.pose)
-        parent = self.objects.get(thing.parent)
-        frame = NOWHERE if parent is None else self.world_pose(parent, moves=True)
-        return composed(frame, thing.pose)
+        return self.out_of(thing.pose, self.objects.get(thing.parent))
 
-    def pose_in(self, thing: SceneObject, frame: SceneObject | None) -> Pose:
-        """Return the pose of an object in the frame of another one; None: the world."""
-        pose = self.world_pose(thing)
+    def into(self, pose: Pose, frame: SceneObject | None) -> Pose:
+        """Return a pose of the world in the frame of an object; None: the world."""
         return pose if frame is None else relative(self.world_pose(frame, moves=True), pose)
+
+    def out_of(self, pose: Pose, frame: SceneObject | None) -> Pose:
+        """Return a pose in the frame of an object in the world."""
+        return pose if frame is None else composed(self.world_pose(frame, moves=True), pose)
 
     def move(self, thing: SceneObject, pose: Pose) -> None:
         """Put an object somewhere in the copy; raises ApiError for what only joints move."""
         if thing.link is None or thing.kind in (VISION, PROXIMITY):
-            above = self.objects.get(thing.parent)
-            frame = None if above is None else self.world_pose(above, moves=True)
-            frame = self.engine.frame(thing.link) if thing.link is not None else frame
-            thing.pose = pose if frame is None else relative(frame, pose)
+            above = self.objects.get(thing.parent) if thing.link is None else self.of(thing.link)
+            thing.pose = self.into(pose, above)
         elif thing.is_root:
             self.engine.put(thing.link[0], pose)
         else:

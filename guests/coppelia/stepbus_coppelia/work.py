@@ -89,7 +89,7 @@ class Stage:
 
     def scenario_of(self, session: Session, number: int) -> Scenario:
         """Return the scenario of a run; number: of the simulation, from 1 on."""
-        physics, plant, edits = session.scene.physics, self.plant, session.edits.params()
+        physics, plant, edits = session.scene.physics, self.plant, session.scene.edits.params()
         commands = groups_of(physics.joints, physics.bodies, session.dt)
         rows = self._row.get("outputs", {}).items()
         outputs = {port: row for port, row in rows if _type(row) != "JointState/1"}
@@ -154,8 +154,10 @@ def coppelia_command(given: Coppelia) -> int:
             raise WiringError(str(exc)) from exc
         gateway.shared = session
         try:
+            port, *old = [str(endpoint.port) for endpoint in session.endpoints]
+            legacy = f"; legacy API (simx) on {', '.join(old)}" if old else ""
             hint = "" if given.script else "; start your script"
-            _say(f"listening on 127.0.0.1:{session.port}{hint}")
+            _say(f"listening on 127.0.0.1:{port}{legacy}{hint}")
             code = _simulations(given, stage, session, interrupt)
         except ScriptFailed as exc:
             print_error(str(exc))
@@ -163,14 +165,14 @@ def coppelia_command(given: Coppelia) -> int:
         finally:
             gateway.shared = None
             session.close()
+        if session.unanswered:
+            rows = [f"  sim.{name}, {count}×" for name, count in session.unanswered.items()]
+            _say("\n".join(["functions that are not available:", *rows]))
         if not (session.runs or code):
             text = "the script has not started a simulation (sim.startSimulation, or --start)"
             is_over = interrupt.is_set()
             print_error("interrupted by the user" if is_over else f"{text}: nothing was run")
             return ExitCode.INTERRUPTED if is_over else ExitCode.FAULT
-        if session.unanswered:
-            rows = [f"  sim.{name}, {count}×" for name, count in session.unanswered.items()]
-            _say("\n".join(["functions that are not available:", *rows]))
     return ExitCode.INTERRUPTED if interrupt.is_set() and not code else code
 
 

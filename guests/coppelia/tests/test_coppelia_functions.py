@@ -10,7 +10,7 @@ import pytest
 from stepbus_coppelia import overlay
 from stepbus_coppelia.clients import ApiError, Client
 from stepbus_coppelia.functions import CONSTANTS, GROUPS, NAMES
-from stepbus_coppelia.functions.table import euler, matrix, of_euler, of_matrix, turn_of
+from stepbus_coppelia.functions.table import euler, matrix, of_euler, of_matrix, pose_of, turn_of
 from stepbus_coppelia.gateway import open_session
 from stepbus_coppelia.joints import groups_of
 from stepbus_coppelia.params import Params
@@ -67,6 +67,12 @@ def sim(folder):
             "legacy_ports": [],
             "plant": {"world": "world.yaml"},
             "aliases": {"/Pioneer/motor[0]": "wheel", "left_motor": "wheel", "OldArm": "arm"},
+            "collisions": {
+                "Collision": ["/rover/arm/lift", "/box"],
+                "Whole": ["/box", "/rover"],
+                "Own": ["/rover", "/arm"],
+                "Lost": ["/rover", "/box2"],
+            },
             "proximity_sensors": {
                 "front": {
                     "link": "body",
@@ -81,7 +87,7 @@ def sim(folder):
     said = []
     session = open_session(params, STEP_NS, folder, ((), folder), say=said.append)
     physics = session.scene.physics
-    session.connect(
+    session.scene.connect(
         groups_of(physics.joints, physics.bodies, 0.05), list(physics.joints), ["rover"]
     )
     client = Client("client 1")
@@ -118,15 +124,16 @@ def test_paths_find_anything_below(sim):
         sim.getObject("/arm[0]") == arm == sim.getObjectHandle("OldArm") == sim.getObject("/OldArm")
     )
     assert sim.getObjectHandle("nothing@silentError") == -1
-    with pytest.raises(ApiError, match=r"in sim.getObject: .*'/amr'.* known: rover"):
-        sim.getObject("/amr")
+    with pytest.raises(ApiError, match=r"in sim.getObject: .*; known: /rover, /rover/motor"):
+        sim.getObject("/nothing")
+    with pytest.raises(ApiError, match="did you mean '/rover/OldArm'"):
+        sim.getObject("/Rover/oldarm")
 
 
 def test_aliases_of_a_scenario_are_paths(sim):
     wheel = sim.getObject("/Pioneer/motor[0]")
     assert sim.getObjectAlias(wheel) == "motor"  # the first of its aliases
     assert sim.getObjectHandle("left_motor") == wheel == sim.getObject("/rover/motor")
-    assert sim.getJointType(wheel) == CONSTANTS["joint_revolute"]
     assert sim.getObjectAlias(wheel, 1) == "/rover/motor"
 
 
@@ -195,7 +202,8 @@ def test_matrices_are_read_back(turn):
 def test_poses_turn_about_an_axis(sim):
     pose = sim.rotateAroundAxis([1, 0, 0, 0, 0, 0, 1], [0, 0, 2], [0, 1, 5], math.pi / 2)
     assert pose == pytest.approx([1, 2, 0, 0, 0, math.sqrt(0.5), math.sqrt(0.5)])
-    rows = sim.rotateAroundAxis(sim.poseToMatrix(pose), [0, 0, 2], [0, 1, 5], -math.pi / 2)
+    rows = matrix(pose_of(pose))
+    rows = sim.rotateAroundAxis(rows, [0, 0, 2], [0, 1, 5], -math.pi / 2)
     assert rows == pytest.approx([1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0], abs=1e-9)
 
 
@@ -238,7 +246,9 @@ def test_a_joint_has_a_frame_that_stays_and_one_that_moves(sim):
 
 
 def commands(sim):
-    return {port: (c.mode, c.values, c.effort_limit) for port, c in sim.state.commands().items()}
+    return {
+        port: (c.mode, c.values, c.effort_limit) for port, c in sim.state.scene.commands().items()
+    }
 
 
 def test_modes_become_commands_of_one_port_each(sim):
@@ -288,8 +298,6 @@ def test_cyclic_joints_are_between_plus_and_minus_pi(sim):
     wheel = sim.getObject("/motor")
     sim.setJointPosition(wheel, 4.0)
     assert sim.getJointPosition(wheel) == pytest.approx(4.0 - 2 * math.pi)
-    assert sim.getJointInterval(wheel) == (True, [-math.pi, 2 * math.pi])
-    assert sim.getJointInterval(sim.getObject("/arm")) == (False, [-2.0, 4.0])
 
 
 def test_what_runs_is_restored_when_it_stops(sim):
@@ -299,7 +307,7 @@ def test_what_runs_is_restored_when_it_stops(sim):
     sim.startSimulation()
     assert sim.getSimulationState() == 16
     # What was changed before the simulation is its first change.
-    first = sim.state.changes.fields()
+    first = sim.state.scene.changes.fields()
     assert (first["joints"], first["bodies"]) == (["arm"], ["rover"])
     # A change from now on is of this simulation only, also before its first step.
     sim.setJointPosition(arm, 1.0)
@@ -345,6 +353,9 @@ def test_a_proximity_sensor_sees_along_its_axis(sim):
     assert where == pytest.approx([0, 0, 1.25], abs=1e-3)
     assert handle == sim.getObject("/box")
     assert normal == pytest.approx([0, 0, -1], abs=1e-6)
+    for other, finds in (("/box", 1), ("/rover", 0)):
+        assert sim.checkProximitySensor(front, sim.getObject(other))[0] == finds
+    assert sim.checkProximitySensor(front, CONSTANTS["handle_all"])[0] == 1
     sim.setObjectPosition(sim.getObject("/rover"), [10, 0, 0.1])
     assert sim.readProximitySensor(front) == (0, 0.0, [0, 0, 0], -1, [0, 0, 0])
 
@@ -378,14 +389,42 @@ def test_a_script_may_give_a_sensor_its_image(sim):
         sim.setVisionSensorImg(eye, b"short")
 
 
-def test_distances_and_collisions(sim):
-    rover, box = sim.getObject("/rover"), sim.getObject("/box")
-    hit, data, pair = sim.checkDistance(rover, box, 5)
-    assert (hit, pair) == (1, [rover, box])
-    assert data[6] == pytest.approx(1.3, abs=1e-3)
+def test_collisions(sim):
+    rover, box, group = sim.getObject("/rover"), sim.getObject("/box"), sim.createCollection()
+    sim.addItemToCollection(group, CONSTANTS["handle_single"], box)
     assert sim.checkCollision(rover, box) == (0, [-1, -1])
     sim.setObjectPosition(rover, [1.5, 0, 0.5])
-    assert sim.checkCollision(rover, box) == (1, [rover, box])
+    for other in (box, group, CONSTANTS["handle_all"]):
+        assert sim.checkCollision(rover, other) == (1, [rover, box])
+
+
+def test_collision_objects_are_of_the_scenario(sim):
+    lift, whole = map(sim.getCollisionHandle, ("Collision", "Whole"))
+    assert (sim.readCollision(lift), sim.readCollision(whole)) == (0, 0)
+    sim.setObjectPosition(sim.getObject("/rover"), [1.5, 0, 0.5])
+    assert (sim.readCollision(lift), sim.readCollision(whole)) == (0, 1)
+    whys = {"Colision": "did you mean 'Collision'", "Lost": "'/box2' does not", "Own": "two bodies"}
+    for name, why in whys.items():
+        with pytest.raises(ApiError, match=why):
+            sim.getCollisionHandle(name)
+        assert why in sim.state.logged.pop()[1]
+    for handle in (lift - 1, lift + 9, sim.getObject("/box")):
+        with pytest.raises(ApiError, match="does not exist"):
+            sim.readCollision(handle)
+
+
+def test_names_of_old_do_what_new_ones_do(sim):
+    box, mode = sim.getObject("/box"), CONSTANTS["shapeintparam_static"]
+    assert (sim.getObjectName(box), sim.getObjectIntParameter(box, mode)) == ("box", 1)
+    assert sim.getScriptHandle(1) == sim.getScript(1)
+    assert sim.getShapeColor(box) == (1, [0.75] * 3)
+    sim.setShapeColor(box, None, 0, [1, 0, 0.5])
+    assert sim.getShapeColor(box, None, 0) == (1, [1.0, 0.0, 0.5])
+    assert sim.getObjectChild(sim.getObject("/rover"), 1) == sim.getObject("/arm")
+    assert sim.getObjectChild(CONSTANTS["handle_scene"], 1) == box
+    assert (sim.getObjectChild(box, 0), sim.getObjectChild(box, -1)) == (-1, -1)
+    with pytest.raises(ApiError, match="does not exist"):
+        sim.getObjectChild(99, 0)
 
 
 # --- what a script makes -------------------------------------------------------------------------
@@ -396,18 +435,18 @@ def test_shapes_are_made_before_the_simulation(sim):
     other = sim.createPureShape(1, 8, [0.2, 0.2, 0.2], 2.5)
     sim.setObjectPosition(cube, [0, 3, 1])
     assert sim.getObjectPosition(cube) == pytest.approx([0, 3, 1])
-    assert sim.getShapeMass(other) == pytest.approx(2.5)
+    assert sim.getObject("/Sphere") == other
     assert sim.getObjectAlias(cube) == "Cuboid"
-    params = sim.state.edits.params()["primitives"]
+    params = sim.state.scene.edits.params()["primitives"]
     assert "static" not in params["Cuboid"]  # it is, unless the script says otherwise
     assert params["Cuboid"]["mass"] == pytest.approx(500 * 0.006)
-    assert not params["Sphere"]["static"]
+    assert (params["Sphere"]["static"], params["Sphere"]["mass"]) == (False, 2.5)
     sim.startSimulation()
     with pytest.raises(ApiError, match=r"before sim.startSimulation"):
         sim.createPrimitiveShape(CONSTANTS["primitiveshape_cuboid"], [0.1, 0.2, 0.3])
     sim.stopSimulation()
     sim.removeObject(cube)
-    assert "Cuboid" not in sim.state.edits.params()["primitives"]
+    assert "Cuboid" not in sim.state.scene.edits.params()["primitives"]
 
 
 def test_a_mass_that_is_set_while_it_runs_is_that_of_the_next_simulation(sim):
@@ -415,8 +454,8 @@ def test_a_mass_that_is_set_while_it_runs_is_that_of_the_next_simulation(sim):
     sim.startSimulation()
     sim.setShapeMass(box, 2)
     assert sim.state.logged == [("warning", "/box has its new mass from the next simulation on")]
-    assert not sim.state.edits.is_new
-    assert sim.state.edits.params()["masses"] == {"box": 2.0}
+    assert not sim.state.scene.edits.is_new
+    assert sim.state.scene.edits.params()["masses"] == {"box": 2.0}
 
 
 def test_a_held_body_is_told_to_the_plant(sim):
@@ -424,7 +463,7 @@ def test_a_held_body_is_told_to_the_plant(sim):
     sim.getObjectPosition(cube)
     sim.startSimulation()
     sim.setObjectParent(cube, sim.getObject("/arm_link"), True)
-    fields = sim.state.changes.fields()
+    fields = sim.state.scene.changes.fields()
     assert (fields["held"], fields["holders"]) == (["Cuboid"], ["arm_link"])
 
 
@@ -445,7 +484,7 @@ def test_another_world_takes_the_place_of_the_first(sim, folder):
             call()
         # Nothing has changed.
         assert sim.getObjectPosition(box) == pytest.approx([2, 0, 0.5])
-        assert sim.state.edits.params() == {}
+        assert sim.state.scene.edits.params() == {}
     model = sim.loadModel("/models/box.ttm")
     assert sim.getObjectAlias(model) == "box0"
     assert sim.loadScene("/a/other.ttt") == 1
@@ -492,9 +531,9 @@ def test_every_function_is_described():
 
 
 def test_the_port_is_on_this_machine_only(sim):
-    assert sim.state.port
+    port = sim.state.endpoints[0].port
     path = Path("/proc/net/tcp").read_text()
-    row = next(line for line in path.splitlines() if f":{sim.state.port:04X} 00000000:0000" in line)
+    row = next(line for line in path.splitlines() if f":{port:04X} 00000000:0000" in line)
     assert "0100007F:" in row
 
 

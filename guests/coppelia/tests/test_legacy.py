@@ -10,8 +10,9 @@ from stepbus_coppelia.legacy.server import LegacyEndpoint
 ONESHOT, BLOCKING, STREAM, SPLIT, DISCONTINUE = 0, 1, 2, 3, 5
 SYNC, NO_SYNC, TRIGGER, ERRORS, FINISH = 1, 2, 3, 4, 10
 GET_JOINT, RUN_STATE, SET_FORCE, IMAGE, INT_PARAM = 0x1001, 0x1007, 0x100E, 0x1004, 0x1021
+CHILD, VISION, COLLISION, READ_COLLISION = 0x200B, 0x1011, 0x300A, 0x1026
 POSITION, SET_POSITION, GROUP, HANDLE = 0x200E, 0x101B, 0x200C, 0x3001
-GET_SIGNAL, SET_SIGNAL, TAKE_SIGNAL, SCRIPT, DIALOG = 0x3012, 0x3015, 0x3017, 0x3401, 0x300C
+GET_SIGNAL, SET_SIGNAL, SCRIPT, DIALOG = 0x3012, 0x3015, 0x3401, 0x300C
 RUNS, ENDS, PAUSED = 17, 0, 8
 
 
@@ -40,12 +41,10 @@ class Simulator:
     def call(self, client, function, args):
         self.calls.append((function, list(args)))
         self.recorded += [function] * client.is_recorded
-        result = self.objects(function, list(args))
-        if result is None:
-            result = self.others(function, list(args))
-        if result is None:
-            raise ApiError(f"no {function}{args}")
-        return result
+        for known in (self.objects, self.others, self.sensors):
+            if (result := known(function, list(args))) is not None:
+                return result
+        raise ApiError(f"no {function}{args}")
 
     def others(self, function, args):
         match function, args:
@@ -55,18 +54,27 @@ class Simulator:
                 return []
             case "getInt32Param", [_]:
                 return [40600]
-            case "getStringSignal", [name]:
+            case "getBufferSignal", [name]:
                 return [self.signals.get(name)]
             case "setStringSignal", [name, value]:
                 self.signals[name] = value
-                return []
-            case "clearStringSignal", [name]:
-                self.signals.pop(name, None)
                 return []
             case "setJointTargetForce" | "setObjectPosition", _:
                 return []
             case "callScriptFunction", [name, where, ints, floats, texts, raw]:
                 return [[where, *ints], floats, [*texts, name], raw]
+        return None
+
+    def sensors(self, function, args):
+        match function, args:
+            case "readVisionSensor", [_]:
+                return [0, [0.5, 1.0], []]
+            case "getCollisionHandle", ["Collision"]:
+                return [7]
+            case "readCollision", [7]:
+                return [1]
+            case "getObjectChild", [_, index]:
+                return [index or -1]
         return None
 
     def objects(self, function, args):
@@ -261,6 +269,19 @@ def test_data_of_groups(script):
     assert script.ask(cmd(GROUP, name=handle(1, 99)))[GROUP][0] == 1
 
 
+def test_collision_objects(script):
+    assert script.ask(cmd(COLLISION, name=b"Collision\0"))[COLLISION] == (0, 0, handle(7))
+    assert script.ask(cmd(READ_COLLISION, name=handle(7)))[READ_COLLISION] == (0, 0, handle(1))
+    assert script.ask(cmd(COLLISION, name=b"other\0"))[COLLISION][0] == 1
+    assert script.ask(cmd(READ_COLLISION, name=handle(1)))[READ_COLLISION][0] == 1
+
+
+def test_vision_sensors_and_children(script):
+    packets = b"\0" + handle(1, 2) + struct.pack("<2f", 0.5, 1.0)
+    assert script.ask(cmd(VISION, name=handle(3)))[VISION] == (0, 0, packets)
+    assert script.ask(cmd(CHILD, name=handle(1, 0)))[CHILD] == (0, 0, handle(-1))
+
+
 # --- modes -----------------------------------------------------------------------------------
 
 
@@ -303,13 +324,6 @@ def test_a_single_read_ends_the_stream_of_the_same(script):
     script.ask(cmd(GET_JOINT, STREAM, handle(1)), cmd(GET_JOINT, STREAM, handle(2)))
     script.ask(cmd(GET_JOINT, BLOCKING, handle(1)))
     assert len(script.ask()) == 1
-
-
-def test_a_signal_is_taken_once(sim, script):
-    sim.signals["s"] = "text"
-    assert script.ask(cmd(TAKE_SIGNAL, STREAM, b"s\0"))[TAKE_SIGNAL] == (0, 0, b"text")
-    assert sim.signals == {}
-    assert script.ask() == {}
 
 
 def test_a_command_in_parts(sim, script):

@@ -32,6 +32,31 @@ BAXTER = pytest.mark.skipif(
     find_spec("stepbus_store") is None or find_spec("xacro") is None, reason="needs `make robots`"
 )
 
+TOUCH = """
+from guira import sim
+B, S, BUFFER = sim.simx_opmode_blocking, sim.simx_opmode_streaming, sim.simx_opmode_buffer
+client = sim.simxStart("127.0.0.1", 19997, True, True, 5000, 1)
+print("unknown", *sim.simxGetCollisionHandle(client, "Colision", B))
+_, handle = sim.simxGetCollisionHandle(client, "Collision", B)
+_, gripper = sim.simxGetObjectHandle(client, "gripper", B)
+_, cube = sim.simxGetObjectHandle(client, "Cuboid1", B)
+print("child", sim.simxGetObjectChild(client, gripper, 0, B)[0])
+data = bytes(range(256)) * 40
+sim.simxSynchronous(client, True)
+sim.simxStartSimulation(client, B)
+sim.simxReadCollision(client, handle, S)
+sim.simxSetStringSignal(client, "s", data, sim.simx_opmode_oneshot_split + 1000)
+for step in range(20):
+    sim.simxSynchronousTrigger(client)
+    sim.simxGetPingTime(client)
+    if step in (10, 11):
+        print("collision", *sim.simxReadCollision(client, handle, BUFFER))
+        sim.simxSetObjectPosition(client, cube, gripper, (0, -0.05, -0.06), B)
+print("parts", bytes(sim.simxGetStringSignal(client, "s", B)[1]) == data)
+sim.simxStopSimulation(client, B)
+sim.simxFinish(client)
+"""
+
 
 class Bench:
     """Runs stepbus in a folder, with copies of the scripts that call at free ports."""
@@ -168,3 +193,14 @@ def test_baxter_reads_what_is_recorded(bench):
     figures = bench.against("one", native, str(bench.folder / "baxter.csv"))
     assert figures["angles seen and recorded are the same float32"]
     assert figures["largest difference of a joint [rad]"] < 1e-7
+
+
+@LEGACY
+@pytest.mark.slow
+def test_the_compiled_client_reads_collisions_and_sends_in_parts(bench):
+    (bench.folder / "touch.py").write_text(TOUCH.replace("19997", bench.ports[3]))
+    named = 'script.params.collisions={"Collision":[/gripper,/Cuboid1]}'
+    out = bench.script(f"{SYSTEMS.parent}/pick --set {named}", "one", "python", "touch.py")
+    for line in ("unknown 8 0", "child 0", "collision 0 False", "collision 0 True", "parts True"):
+        assert f"{line}\n" in out
+    assert "collision object 'Colision': object does not exist; name its two objects" in out

@@ -20,6 +20,11 @@ _PORTS = (
 _STEP_NS = 10_000_000
 
 
+def port_of(kind: type) -> tuple[str, str]:
+    """Return the output port of the values of a kind, and its type."""
+    return next((port, type_) for port, of, type_ in _PORTS if of is kind)
+
+
 def scenario_name(text: str) -> str:
     """Return a text as the name of a scenario or a participant."""
     return re.sub(r"[^A-Za-z0-9_-]+", "_", text).lstrip("_-")[:64] or "fmu"
@@ -77,10 +82,12 @@ def scenario(
     step_s: float | None = None,
     stop_s: float | None = None,
 ) -> dict[str, Any]:
-    """Return a scenario of FMUs, with the step and length of the first that names one."""
+    """Return a scenario of FMUs: the shortest step that one wishes, and that all can take."""
     if step_s is None:
-        wished = (size for model in models if (size := _step(model)))
-        step_s = next(wished, _STEP_NS / 1e9)
+        wished = [size for model in models if (size := _step(model))]
+        # An FMU gets nowhere in a step that is shorter than its own ones.
+        own = (float(model.can.fixedInternalStepSize or 0) for model in models)
+        step_s = max(min(wished, default=_STEP_NS / 1e9), *own)
     step_ns = max(1, round(step_s * 1e9))
     if stop_s is None:
         spans = (_number(m, "stopTime") - (_number(m, "startTime") or 0.0) for m in models

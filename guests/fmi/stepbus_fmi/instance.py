@@ -5,12 +5,15 @@ import tempfile
 import zlib
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from ctypes import byref
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fmpy import extract, fmi2, fmi3, instantiate_fmu
+from fmpy import calloc, extract, fmi2, fmi3, free
 from fmpy.fmi1 import FMICallException
+from fmpy.logging import addLoggerProxy
 
 from stepbus_participant import scratch_folder, warn
 from stepbus_schemas import RunError, WiringError, error_text
@@ -19,13 +22,50 @@ from .model import Model, Variable, open_fmu
 from .params import Params
 
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
-_DISCARD = 2
+_DISCARD, _FATAL = 2, 4
 _MOST_UPDATES = 1000
 """Updates of the discrete states at one time, after which they are taken not to end."""
 
 
 class FmuError(RunError):
     """A call of an FMU has failed. The text has what the FMU logged last."""
+
+
+class _Program:
+    """The program of an FMU. Functions may be missing, such as those of another interface.
+
+    FMPy demands all (FMPy#804); Simulink exports none of model exchange (FMPy#700).
+    """
+
+    def __init__(self, library: Any) -> None:
+        self._library = library
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return getattr(self._library, name)
+        except AttributeError:
+
+            def missing(*_: Any) -> None:
+                raise FmuError(f"its program has no function {name}")
+
+            return missing
+
+
+class _Partial:
+    dll: Any
+
+    def _loadFunctions(self) -> None:  # noqa: N802  (as FMPy calls it)
+        self.dll = _Program(self.dll)
+        super()._loadFunctions()  # type: ignore[misc]
+
+
+# FMPy goes by the beginning of these names.
+class FMU2Partial(_Partial, fmi2.FMU2Slave):  # type: ignore[misc]
+    """An FMU for FMI 2.0."""
+
+
+class FMU3Partial(_Partial, fmi3.FMU3Slave):  # type: ignore[misc]
+    """An FMU for FMI 3.0."""
 
 
 class Values:
@@ -39,6 +79,7 @@ class Values:
         module, prefix = (fmi2, "fmi2") if major == 2 else (fmi3, "fmi3")
         self.kind = first.kind
         self._name = name
+        self._title = ", ".join(item.name for item in variables[:5])
         references = [item.reference for item in variables]
         count = sum(item.size for item in variables)
         self._is_plain = self.kind not in (str, bytes)
@@ -72,7 +113,7 @@ class Values:
         self._buffer[:] = values
         # ctypes cuts off what does not fit.
         if self.kind is int and self._buffer[:] != values:
-            raise FmuError(f"{values} does not fit the type {self._name}")
+            raise FmuError(f"{self._title}: {values} does not fit the type {self._name}")
         self._set()
 
 
@@ -111,6 +152,7 @@ class Instance:
         self._lines: deque[str] = deque(maxlen=3)
         self.has_events = False
         self._is_off_grid = False
+        self._may_terminate, self._may_free = False, True
         self._folder = Path(tempfile.mkdtemp(prefix="stepbus-fmu-", dir=scratch_folder()))
         self._fmu: Any = None
         self._logs = logs
@@ -123,24 +165,39 @@ class Instance:
     def instantiate(self, *, event_mode: bool) -> None:
         """Load the program of the FMU, and make the instance."""
         self.has_events = self._is_3 and event_mode and bool(self.model.can.hasEventMode)
-        more = {"event_mode_used": self.has_events, "early_return_allowed": True}
         files = (self._folder / "binaries").glob("*/*")
         binaries = sorted(f"{item.parent.name}/{item.name}" for item in files)
         try:
-            self._fmu = instantiate_fmu(
-                str(self._folder),
-                self.model.description,
-                "CoSimulation",
-                debug_logging=self._logs,
-                logger=self._log_3 if self._is_3 else self._log_2,
-                require_functions=False,
-                **more if self._is_3 else {},
-            )
+            self._fmu = self._instantiated()
         except Exception as exc:
-            text = str(exc).replace(str(self._folder), self.model.file)
+            text = str(exc).replace(str(self._folder), self.model.file).rstrip(".")
             if "Cannot find shared library" in text:
                 text += f"; it has programs for {', '.join(binaries) or 'no platform'}"
             raise WiringError(self._explained(f"{self.model.file}: {text}")) from exc
+
+    def _instantiated(self) -> Any:
+        said = self.model.description
+        make = FMU3Partial if self._is_3 else FMU2Partial
+        fmu = make(
+            guid=said.guid,
+            modelIdentifier=self.model.can.modelIdentifier,
+            unzipDirectory=str(self._folder),
+        )
+        if self._is_3:
+            fmu.instantiate(
+                loggingOn=self._logs,
+                eventModeUsed=self.has_events,
+                earlyReturnAllowed=True,
+                logMessage=self._log_3,
+            )
+            return fmu
+        calls = fmi2.fmi2CallbackFunctions()
+        calls.logger = fmi2.fmi2CallbackLoggerTYPE(self._log_2)
+        calls.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
+        calls.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+        addLoggerProxy(byref(calls))
+        fmu.instantiate(callbacks=calls, loggingOn=self._logs)
+        return fmu
 
     def initialize(self, values: Mapping[str, Any], time: float, tolerance: float | None) -> None:
         """Set the start values and initialize the FMU at a time [s]."""
@@ -154,14 +211,14 @@ class Instance:
         if self._is_3:
             self._set_start(others)
             self._do(fmu.enterInitializationMode, tolerance, time, None)
-            self._do(fmu.exitInitializationMode)
-            if self.has_events:
-                self._update_discrete_states()
         else:
             self._do(fmu.setupExperiment, tolerance, time, None)
             self._set_start(others)
             self._do(fmu.enterInitializationMode)
-            self._do(fmu.exitInitializationMode)
+        self._do(fmu.exitInitializationMode)
+        self._may_terminate = True
+        if self.has_events:
+            self._update_discrete_states()
 
     def _causality(self, name: str) -> str:
         return self.model.variables[name].causality
@@ -208,11 +265,12 @@ class Instance:
         try:
             _call(fmu, "fmi2DoStep", fmu.component, time, h, fmi2.fmi2True)
         except FMICallException as exc:
-            self.ended = exc.status == _DISCARD and self._do(
-                fmu.getBooleanStatus, fmi2.fmi2Terminated
-            )
+            error = self._error(exc)
+            if exc.status == _DISCARD:
+                with suppress(FMICallException):
+                    self.ended = bool(fmu.getBooleanStatus(fmi2.fmi2Terminated))
             if not self.ended:
-                raise self._error(exc) from exc
+                raise error from exc
 
     def _step_3(self, time: float, h: float) -> None:
         until = time + h
@@ -271,13 +329,14 @@ class Instance:
     def close(self) -> None:
         """End the instance, and remove what was unpacked."""
         try:
-            if self._fmu is not None:
+            if self._may_terminate:
                 self._do(self._fmu.terminate)
-                self._fmu.freeInstance()
         except FmuError as exc:
             print(f"at its end: {exc}")  # noqa: T201  (to its log)
         finally:
-            self._fmu = None
+            if self._fmu is not None and self._may_free:
+                self._fmu.freeInstance()
+            self._fmu, self._may_terminate = None, False
             shutil.rmtree(self._folder, ignore_errors=True)
 
     def _do(self, call: Any, *args: Any) -> Any:
@@ -287,6 +346,9 @@ class Instance:
             raise self._error(exc) from exc
 
     def _error(self, exc: FMICallException) -> FmuError:
+        # After an error, an FMU may only be freed; after a fatal one, not even that.
+        self._may_terminate &= exc.status == _DISCARD
+        self._may_free &= exc.status != _FATAL
         name = _STATUS[exc.status] if 0 <= exc.status < len(_STATUS) else str(exc.status)
         return FmuError(self._explained(f"{exc.function} returned {name}"))
 

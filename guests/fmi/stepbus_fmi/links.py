@@ -23,7 +23,7 @@ Place = tuple[str, tuple[int, ...]]
 class Wire:
     """One value on its way: port and place in its message → place of an input variable.
 
-    scale: factor and offset.
+    scale: factor and offset. table: value → what the variable gets for it; others stay.
     """
 
     port: str
@@ -32,6 +32,7 @@ class Wire:
     variable: Variable
     index: int
     scale: tuple[float, float]
+    table: Mapping[Any, Any]
 
     def value(self, message: Any) -> Any:
         """Return the value that the variable gets; raises IndexError for a vector too short."""
@@ -40,6 +41,8 @@ class Wire:
             value = value[place]
         if isinstance(value, bool) and self.variable.kind in (int, float):
             value = self.variable.kind(value)  # 0 or 1, as other tools do
+        if self.table:
+            return self.table.get(value, value)
         # Not 1 · value + 0, which turns −0 into 0.
         return value if self.scale == (1.0, 0.0) else value * self.scale[0] + self.scale[1]
 
@@ -58,15 +61,20 @@ class Wiring:
         }
         self._described = {port: descriptions.get(port, Description()) for port in config.inputs}
 
-    def wires(self, links: Mapping[str, Link], problems: Problems) -> list[Wire]:
-        """Return the wires; adds what is wrong, such as a port without a variable."""
+    def wires(
+        self, links: Mapping[str, Link], problems: Problems, *, by_name: bool = True
+    ) -> list[Wire]:
+        """Return the wires; adds what is wrong, such as a port without a variable.
+
+        by_name: whether inputs that no link names are connected by their names.
+        """
         found: dict[str, Wire] = {}
         for name, link in links.items():
             keys = ("inputs", name)
             found |= problems.attempt(keys, partial(self._linked, name, link)) or {}
         places = self._model.places.items()
         left = [n for n, (item, _) in places if item.causality == "input" and n not in found]
-        for name in left:
+        for name in left if by_name else ():
             found |= problems.attempt(("inputs",), partial(self._automatic, name)) or {}
         used = {wire.port for wire in found.values()}
         left = [name for name in left if name not in found]
@@ -112,7 +120,7 @@ class Wiring:
         """Return the wires of a link by their targets: one, or one for each element of an array."""
         item, first = self._model.places.get(name) or (self._model.find(name), None)
         if item.causality != "input":
-            raise WiringError(f"{name} is no input of the FMU but a {item.causality} variable")
+            raise WiringError(f"{name} is no input of the FMU: its causality is {item.causality}")
         port, _, what = link.from_.partition(".")
         if port not in self._rows or not what:
             text = f"{link.from_!r} names no input port; write PORT.NAME"
@@ -123,7 +131,8 @@ class Wiring:
             field, places, unit = self._find(port, source)
             convert = self._units.conversion(unit, item.unit) if link.convert else (1.0, 0.0)
             scale = convert[0] * link.factor, convert[0] * link.offset + convert[1]
-            found[item.names[index]] = Wire(port, field, places, item, index, scale)
+            table = dict(link.table)
+            found[item.names[index]] = Wire(port, field, places, item, index, scale, table)
         return found
 
     def _element(self, port: str, what: str, item: Variable, index: int) -> str:

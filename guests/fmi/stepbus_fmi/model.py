@@ -9,6 +9,7 @@ from itertools import product
 from math import prod
 from pathlib import Path
 from typing import IO, Any
+from xml.etree import ElementTree as ET
 
 from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError, error_text
@@ -114,13 +115,14 @@ class Model:
 
 def open_fmu(path: Path, inside: str = "") -> Path | IO[bytes]:
     """Return an FMU, or the one inside an archive; raises WiringError where there is none."""
-    if not inside:
-        return path
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return io.BytesIO(archive.read(inside))
-    except (OSError, zipfile.BadZipFile, KeyError) as exc:
-        raise WiringError(f"{path.name} has no {inside!r}: {error_text(exc)}") from exc
+    file: Path | IO[bytes] = path
+    for name in inside.split("!") if inside else ():
+        try:
+            with zipfile.ZipFile(file) as archive:
+                file = io.BytesIO(archive.read(name.removeprefix("/")))
+        except (OSError, zipfile.BadZipFile, KeyError) as exc:
+            raise WiringError(f"{path.name} has no {inside!r}: {error_text(exc)}") from exc
+    return file
 
 
 def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = None) -> Model:
@@ -130,13 +132,14 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     Raises WiringError where it cannot be read, or the FMU cannot take part.
     """
     (fmpy,) = need("an FMU", "fmpy")
-    name = f"{path.name}/{inside}" if inside else path.name
+    name = f"{path.name}/{inside.removeprefix('/')}" if inside else path.name
     try:
         description = fmpy.read_model_description(open_fmu(path, inside), validate=False)
     except WiringError:
         raise
     except Exception as exc:  # FMPy raises what its parsers raise
-        raise WiringError(f"{name} is no FMU: {error_text(exc)}") from exc
+        why = _broken_rule(fmpy, open_fmu(path, inside)) or error_text(exc)
+        raise WiringError(f"{name} is no FMU: {why}") from exc
     if description.fmiVersion[:1] not in ("2", "3"):
         raise WiringError(
             f"{name} is for FMI {description.fmiVersion}; stepbus takes FMI 2.0 and 3.0: export it "
@@ -151,19 +154,52 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     clocks = [item.name for item in description.modelVariables if item.type == "Clock"]
     if clocks:
         raise WiringError(f"{name} has clocks ({', '.join(clocks[:5])}), which are not supported")
-    return Model(name, description, _variables(description, start or {}, name))
+    is_binary = any(item.type == "Binary" for item in description.modelVariables)
+    media = _media(open_fmu(path, inside)) if is_binary else {}
+    return Model(name, description, _variables(description, named(start or {}), name, media))
 
 
-def _variables(description: Any, start: Mapping[str, Any], name: str) -> dict[str, Variable]:
+def named(start: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Return variable → start value: `{motor: {k: 2}}`, as `--set` writes it, is `motor.k`."""
+    found: dict[str, Any] = {}
+    for name, value in start.items():
+        is_part = isinstance(value, Mapping)
+        found |= named(value, f"{within}{name}.") if is_part else {f"{within}{name}": value}
+    return found
+
+
+def _broken_rule(fmpy: Any, file: Path | IO[bytes]) -> str:
+    """Return what the schema finds wrong first in a model description that FMPy cannot read."""
+    try:
+        fmpy.read_model_description(file, validate=True)
+    except fmpy.model_description.ValidationError as exc:
+        return str(exc.problems[0])
+    except Exception:  # noqa: BLE001  nothing that a schema describes
+        return ""
+    return ""
+
+
+def _media(file: Path | IO[bytes]) -> dict[str, str]:
+    """Return the media types of binary variables by name, which FMPy does not read."""
+    with zipfile.ZipFile(file) as archive, archive.open("modelDescription.xml") as stream:
+        rows = ET.parse(stream).iter("Binary")  # noqa: S314  FMPy has read it
+        return {row.get("name", ""): row.get("mimeType", "") for row in rows}
+
+
+def _variables(
+    description: Any, start: Mapping[str, Any], name: str, media: Mapping[str, str]
+) -> dict[str, Variable]:
     found = {}
     for item in description.modelVariables:
         if item.type not in KINDS:
             raise WiringError(f"{name}: variable {item.name} has the unsupported type {item.type}")
-        found[item.name] = _variable(item, tuple(_shape(item, start, name)))
+        found[item.name] = _variable(
+            item, tuple(_shape(item, start, name)), media.get(item.name, "")
+        )
     return found
 
 
-def _variable(item: Any, shape: tuple[int, ...]) -> Variable:
+def _variable(item: Any, shape: tuple[int, ...], media: str) -> Variable:
     declared = item.declaredType
     return Variable(
         name=item.name,
@@ -177,7 +213,7 @@ def _variable(item: Any, shape: tuple[int, ...]) -> Variable:
         description=item.description or "",
         shape=shape,
         items=_items(declared) if declared is not None and item.type == "Enumeration" else (),
-        media=getattr(item, "mimeType", "") or "",
+        media=media,
     )
 
 

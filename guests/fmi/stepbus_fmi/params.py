@@ -19,6 +19,9 @@ class Link(Settings, omit_defaults=True):
     """What is then added to it."""
     convert: bool = True
     """Whether the value is converted to the unit of the variable; false: units are not compared."""
+    table: tuple[tuple[Any, Any], ...] = ()
+    """Pairs of a value and what the variable gets for it, for values that are no real numbers; all
+    others stay as they are."""
 
 
 class Params(Settings):
@@ -27,13 +30,17 @@ class Params(Settings):
     fmu: File
     """The FMU, or the archive that has it."""
     inside: str = ""
-    """Where the FMU is in that archive, such as `resources/motor.fmu` of an SSP."""
+    """Where the FMU is in that archive, such as `resources/motor.fmu` of an SSP. In an archive in
+    it: `resources/arm.ssp!/resources/motor.fmu`."""
     start: dict[str, Any] = {}
     """Variable → start value: a number, `"3 kg"` with a unit, a boolean, a text, the name of an
     enumeration's item; for an array, a list."""
     inputs: dict[str, Link] = {}
     """Input variable → where its value comes from. Default: the input port that has its name; a
     variable `command.values[1]` is the first value of the field `values` of the port `command`."""
+    by_name: bool = True
+    """Whether inputs that `inputs` does not name are connected by name; false: they keep their
+    start values."""
     outputs: dict[str, dict[str, Any]] = {}
     """Output port → field of its message → variable, list of variables, or a constant. Default:
     the output variables of the port's type."""

@@ -26,7 +26,7 @@ from .model import Model, Variable, read_model
 from .params import Params
 from .proof import state_problem
 from .start import read_value, start_values, texts
-from .units import Units
+from .units import Units, registry
 
 PORTS = {
     "Scalars/1": ("out", float),
@@ -129,6 +129,8 @@ class Fmu(Participant):
         assert model is not None  # noqa: S101  refused above
         self.model: Model = model
         self._units = Units(model.description)
+        if config.inputs and any(item.unit for item in model.of("input")):
+            registry()
         self._start = start_values(model, self._units, params.start, below)
         self._h = config.every * config.step_ns / 1e9
         self._done = 0
@@ -268,7 +270,8 @@ class Fmu(Participant):
         """Connect the input variables; raises SettingsError that lists what is wrong."""
         problems = self.config.problems()
         wiring = Wiring(self.model, self._units, self.config, inputs)
-        wires = wiring.wires(self._params.inputs, problems.below(("params",)))
+        links, by_name = self._params.inputs, self._params.by_name
+        wires = wiring.wires(links, problems.below(("params",)), by_name=by_name)
         problems.refuse()
         used = list(dict.fromkeys(wire.variable for wire in wires))
         is_event = {v.name: v.variability != "continuous" for v in used}
@@ -296,10 +299,10 @@ class Fmu(Participant):
         continuous = {group.values: group.next for group in self._continuous}
         events = {group.values: group.next for group in self._discrete} if self._is_changed else {}
         self._is_changed = False
-        instance.apply(continuous, events)
-        if self._slopes:
-            self._set_slopes()
         if not instance.ended:
+            instance.apply(continuous, events)
+            if self._slopes:
+                self._set_slopes()
             instance.step(now, self._h)
         if instance.ended:
             step.end(f"the FMU {self.model.description.modelName} ends the simulation")

@@ -6,12 +6,14 @@ be wrong in another process and end it.
 """
 
 import json
+import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant import Problems
+from stepbus_participant import Problems, scratch_folder
 from stepbus_schemas import StepbusError
 
 from .params import Params
@@ -32,8 +34,10 @@ def state_problem(params: Params, start: dict[str, Any], h: float) -> str:
         "h": h,
     }
     try:
-        state, outputs = _ask(question)
-        again = _ask({**question, "state": state})[1]
+        # One that crashes leaves what it has unpacked.
+        with tempfile.TemporaryDirectory(prefix="stepbus-fmu-", dir=scratch_folder()) as folder:
+            state, outputs = _ask(question, folder)
+            again = _ask({**question, "state": state}, folder)[1]
     except subprocess.CalledProcessError as exc:
         last = exc.stderr.decode(errors="replace").strip().rpartition("\n")[2]
         return last if exc.returncode == 1 and last else f"it ended with signal {-exc.returncode}"
@@ -42,13 +46,14 @@ def state_problem(params: Params, start: dict[str, Any], h: float) -> str:
     return "" if again == outputs else "restored in another process, it goes another way"
 
 
-def _ask(question: dict[str, Any]) -> Any:
+def _ask(question: dict[str, Any], folder: str) -> Any:
     done = subprocess.run(
         [sys.executable, "-P", "-m", __name__],
         input=json.dumps(question).encode(),
         capture_output=True,
         timeout=_LONGEST_S,
         check=True,
+        env={**os.environ, "TMPDIR": folder},
     )
     # Before it is what the FMU prints.
     return json.loads(done.stdout.rpartition(b"\n")[2])

@@ -8,7 +8,7 @@ from stepbus_participant import Problems
 from stepbus_participant.parameters import Keys, show
 from stepbus_schemas import WiringError, suggest
 
-from .model import Model, Variable
+from .model import Model, Variable, named
 from .units import Units
 
 _SETTABLE = ("exact", "approx")
@@ -19,7 +19,7 @@ def start_values(
 ) -> dict[str, Any]:
     """Return variable → value, as the FMU takes it; adds what is wrong to the problems."""
     found = {}
-    for name, value in given.items():
+    for name, value in named(given).items():
         keys: Keys = ("start", name)
         read = problems.attempt(keys, partial(_read, model, units, name, value))
         if read is not None:

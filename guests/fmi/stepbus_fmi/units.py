@@ -1,5 +1,6 @@
 """Units: of a model description, of messages, and as a scenario writes them."""
 
+import re
 from functools import cache
 from typing import Any
 
@@ -13,7 +14,8 @@ _PINT = dict(zip(_NAMES, _BASES, strict=True))
 
 
 @cache
-def _registry() -> Any:
+def registry() -> Any:
+    """Return pint's units. The first call takes a second, too long within a step."""
     (pint,) = need("units of an FMU", "pint")
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
 
@@ -36,17 +38,22 @@ class Units:
                 inverse = factor / float(shown.factor)
                 self._own[shown.name] = inverse, offset - inverse * float(shown.offset), powers
 
-    def conversion(self, given: str, wanted: str) -> tuple[float, float]:
-        """Return factor and offset from one unit to another.
+    def conversion(
+        self, given: str, wanted: str, others: "Units | None" = None
+    ) -> tuple[float, float]:
+        """Return factor and offset from one unit to another. others: those that know the second.
 
-        Raises WiringError for units of different dimensions, or unknown ones.
+        given: a field whose unit depends on a mode has several, with commas; the one that fits
+        counts. Raises WiringError for units of different dimensions, or unknown ones.
         """
         if given == wanted or not given or not wanted:
             return 1.0, 0.0
-        (factor, offset, powers), (other, shift, needed) = self._of(given), self._of(wanted)
-        if powers != needed:
-            raise WiringError(f"unit {given!r} is no {wanted!r}: they measure different quantities")
-        return factor / other, (offset - shift) / other
+        other, shift, needed = (others or self)._of(wanted)
+        for unit in given.split(", "):
+            factor, offset, powers = self._of(unit)
+            if powers == needed:
+                return factor / other, (offset - shift) / other
+        raise WiringError(f"unit {given!r} is no {wanted!r}: they measure different quantities")
 
     def _of(self, unit: str) -> tuple[float, float, dict[str, int]]:
         if unit not in self._own:
@@ -56,12 +63,14 @@ class Units:
 
 def _by_pint(unit: str) -> tuple[float, float, dict[str, int]]:
     """Return factor and offset to SI, and the powers of the base units."""
-    text = unit.replace("·", "*").replace("²", "**2").replace("³", "**3")
+    text = unit.replace("·", "*").replace("²", "**2").replace("³", "**3").strip("[]")
+    # Modelica has `W/(m2.K)`.
+    text = re.sub(r"(?<=[A-Za-z])-?\d+", r"**\g<0>", text.replace(".", "*"))
     if text in ("-", "1"):
         return 1.0, 0.0, {}
     try:
-        registry = _registry()
-        zero, one = (registry.Quantity(value, text).to_base_units() for value in (0, 1))
+        known = registry()
+        zero, one = (known.Quantity(value, text).to_base_units() for value in (0, 1))
         powers = {_PINT[name]: int(p) for name, p in one.unit_items() if name != "radian"}
     except Exception as exc:  # pint's parser raises what Python's does
         raise WiringError(f"unknown unit {unit!r}: {error_text(exc)}") from exc

@@ -20,8 +20,8 @@ from .options import GROUPS, Command
 from .terminal.output import columns, fold, print_error
 
 OWN: dict[str, type[Command]] = {
-    name.lower(): row
-    for name, row in vars(commands).items()
+    row.word(): row
+    for row in vars(commands).values()
     if isinstance(row, type) and issubclass(row, Command) and row is not Command
 }
 """The commands of the core by name, in the order of the overview; no package replaces one."""
@@ -111,7 +111,7 @@ def app_of(*loaded: type[Command]) -> App:
         version_flags=(),
     )
     for command in loaded:
-        app.command(command.complete(), name=command.__name__.lower())
+        app.command(command.complete(), name=command.word())
     return app
 
 
@@ -121,12 +121,12 @@ def app_of(*loaded: type[Command]) -> App:
 def overview() -> str:
     """Return all commands in their groups, a line each."""
     loaded = list(load_commands())
-    width = max(len(command.__name__) for command in loaded)
+    width = max(len(command.word()) for command in loaded)
     lines: list[str] = []
     for group in GROUPS:
         members = [c for c in loaded if (c.group if c.group in GROUPS else GROUPS[-1]) == group]
         lines += ["", group] if members else []
-        lines += [f"  {c.__name__.lower():{width}}  {summary_of(c)}" for c in members]
+        lines += [f"  {c.word():{width}}  {summary_of(c)}" for c in members]
     lines += ["", *_ENDING.splitlines()]
     folded = [fold(line, columns(), " " * (width + 2)) for line in lines]
     return "\n".join(["usage: stepbus COMMAND ...", "", fold(_ABOUT, columns()), *folded]) + "\n"
@@ -145,7 +145,7 @@ def examples_of(command: type[Command]) -> list[str]:
 
 def help_page(command: type[Command]) -> str:
     """Return what a command does, its options and its examples."""
-    name = command.__name__.lower()
+    name = command.word()
     arguments = [
         argument
         for argument in app_of(command)[name].assemble_argument_collection(parse_docstring=True)

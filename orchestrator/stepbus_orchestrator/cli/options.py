@@ -1,5 +1,6 @@
 """How a command is declared, and the options that several commands have."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -33,6 +34,11 @@ class Command:
         """Take what the class statement says beside its bases."""
         for name, value in given.items():
             setattr(cls, name, value)
+
+    @classmethod
+    def word(cls) -> str:
+        """Return its name on the command line: `export-fmu` of a class `ExportFmu`."""
+        return re.sub("(?<=[a-z])(?=[A-Z])", "-", cls.__name__).lower()
 
     def load(self) -> Callable[[Any], Any]:
         """Return the function that does it; raises ImportError or AttributeError."""

@@ -13,6 +13,7 @@ from stepbus_orchestrator.analysis.code import FileChange
 from stepbus_orchestrator.analysis.code import changes as file_changes
 from stepbus_orchestrator.analysis.tolerance import differences, short
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.plugins import scenario_reader
 from stepbus_orchestrator.processes.slots import slot_counts
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import PROGRAM, check_whole, replayable_steps, rewired
@@ -94,8 +95,15 @@ def _programs(scenario: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
 def _load(
     path: Path, overrides: Sequence[str], programs: Mapping[str, Mapping[str, Any]], started: str
 ) -> Scenario:
-    """Return a scenario; the programs of those that are not started need not be here."""
-    unused = [name for name in programs if name != started]
+    """Return a scenario; the programs of those that are not started need not be here.
+
+    But files of other tools, such as FMUs: the ports of their participants are in them.
+    """
+    unused = [
+        name
+        for name, row in programs.items()
+        if name != started and scenario_reader(row["participant"]) is None
+    ]
     scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
     specs = [
         structs.replace(spec, **programs[spec.name]) if spec.name in unused else spec

@@ -17,6 +17,7 @@ from stepbus_tools.sweep.axes import Design, Sampling, parse_axis
         ("a.b=0:1:3", [0.0, 0.5, 1.0]),
         ("a.b=1:100:3:log", [1, 10, 100]),
         ("a.b=2.0:4.0:3", [2.0, 3.0, 4.0]),
+        ("a.b[1].c=1,2", [1, 2]),
         ("a.b=1,2.5,true,word", [1, 2.5, True, "word"]),
         ("a.b=[1,2],[3,4]", [[1, 2], [3, 4]]),
         ("faults=none,kill plant at 100", ["none", "kill plant at 100"]),

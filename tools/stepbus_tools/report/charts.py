@@ -24,7 +24,7 @@ _NO_UNIT = "-"
 """As columns have it."""
 _NEAR = 0.6
 """Share of a limit from which on it is drawn."""
-_SIGNAL = re.compile(r"([\w-]+)[./]([\w-]+)(?:\.(\w+))?(?:\[([^\[\]]+)\])?")
+_SIGNAL = re.compile(r"([\w-]+)[./]([\w-]+)(?:\.(\w+))?(?:\[(.+)\])?")
 _WANTED: Sequence[tuple[Role, str]] = (("reference", "reference"), ("command", "commanded"))
 
 
@@ -280,7 +280,8 @@ def _signal(port: str, field: FieldCurve, index: str | None, text: str) -> Chart
         by_number = [str(number) for number in range(len(labels))]
         at = next((own.index(index) for own in (by_number, labels) if index in own), -1)
         if is_single or at < 0:
-            names = "" if is_single else ", ".join(f"[{label.strip('[]')}]" for label in labels)
+            shown = () if is_single else labels
+            names = ", ".join(one if one.startswith("[") else f"[{one}]" for one in shown)
             raise WiringError(f"{text}: no element [{index}]; it has {names or 'a single number'}")
         numbers = range(at, at + 1)
     lines = [

@@ -20,7 +20,7 @@ FAULTS = "faults"
 """The axis whose values are faults to inject; `none`: no fault."""
 _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
 _RANGE = re.compile(rf"{_NUMBER}:{_NUMBER}(?::\s*(\d+)\s*)?(?::\s*(log|lin)\s*)?")
-_AXIS = re.compile(r"([\w.\-/ ]+?)\s*([=~])\s*(\S.*)", re.DOTALL)
+_AXIS = re.compile(r"([\w.\-/ \[\]]+?)\s*([=~])\s*(\S.*)", re.DOTALL)
 _ALIASES = {"normal": "norm", "exponential": "expon"}
 _CHOICE = "choice"
 _INSIDE = (0.001, 0.5, 0.999)

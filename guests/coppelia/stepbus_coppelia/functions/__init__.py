@@ -1,5 +1,7 @@
 """What scripts call, one class for each kind of thing."""
 
+from importlib import resources
+
 from .joints import Joints
 from .objects import Objects, Poses
 from .other import Other, Signals
@@ -9,17 +11,7 @@ from .table import CONSTANTS as CONSTANTS
 from .table import Group
 
 GROUPS: tuple[type[Group], ...] = (Simulation, Objects, Poses, Joints, Sensors, Signals, Other)
-_MORE = """
-addForce addForceAndTorque addGraphCurve addGraphStream alphaBetaGammaToYawPitchRoll
-auxiliaryConsoleOpen broadcastMsg copyPasteObjects createForceSensor createJoint createMeshShape
-createPath createProximitySensor createScript createVisionSensor executeScriptString
-getContactInfo getExplicitHandling getModelProperty getObjectSel getPage getRotationAxis
-getShapeInertia getShapeMesh getShapeViz groupShapes handleDynamics importMesh importShape
-interpolateMatrices interpolatePoses moveToConfig moveToPose readForceSensor resetDynamicObject
-saveImage saveModel saveScene scaleObject setExplicitHandling setGraphStreamValue
-setJointDependency setJointInterval setObjectSel setShapeInertia transformImage
-ungroupShape yawPitchRollToAlphaBetaGamma
-"""
+_MORE = resources.files("stepbus_coppelia").joinpath("unavailable.txt").read_text()
 UNAVAILABLE = frozenset(_MORE.split())
 """Further ones that scripts call: a client knows them, and their calls are errors by name."""
 NAMES = {name for group in GROUPS for name in group.names()}

@@ -22,7 +22,7 @@ class Joints(Group):
         return joint
 
     def _control(self, handle: int) -> Control:
-        return self.sim.controls[self._joint(handle).name]
+        return self.sim.scene.controls[self._joint(handle).name]
 
     def _state(self, handle: int, values: list[float]) -> float:
         return values[self.sim.scene.joint_index[self._joint(handle).name]]
@@ -45,7 +45,7 @@ class Joints(Group):
         """Put a joint somewhere at once, regardless of forces, but within its limits."""
         joint = self._joint(handle)
         value = self._control(handle).position = joint.within_stops(number(position))
-        self.sim.put_joint(joint, value)
+        self.sim.scene.put_joint(joint, value)
         return 1
 
     def setJointTargetPosition(self, handle: int, position: float, _motion: Any = None) -> int:
@@ -100,23 +100,7 @@ class Joints(Group):
         """Return the force, or largest force, of a joint's motor."""
         return self._control(handle).force
 
-    def getJointInterval(self, handle: int) -> tuple[bool, list[float]]:
-        """Return whether a joint turns without limits, and its lower limit and range."""
-        joint = self._joint(handle)
-        is_cyclic = math.isinf(joint.upper)
-        low, high = (-math.pi, math.pi) if is_cyclic else (joint.lower, joint.upper)
-        return is_cyclic, [low, high - low]
-
-    def getJointType(self, handle: int) -> int:
-        """Return `joint_revolute` or `joint_prismatic`."""
-        return CONSTANTS["joint_revolute" if self._joint(handle).is_rotary else "joint_prismatic"]
-
     def getJointMode(self, handle: int) -> tuple[int, int]:
         """Return `jointmode_dynamic`, or `jointmode_kinematic` for a joint of mode teleport."""
         is_kinematic = self._joint(handle).mode == "teleport"
         return CONSTANTS["jointmode_kinematic" if is_kinematic else "jointmode_dynamic"], 0
-
-    def setJointMode(self, handle: int, _mode: int, _options: int = 0) -> int:
-        """Check the joint, and change nothing: the world file says what drives it."""
-        self._joint(handle)
-        return 1

@@ -1,12 +1,14 @@
 """Objects: how they are found, where they are, and what they are made of."""
 
 import math
+import sys
 from collections.abc import Callable
 from typing import Any
 
 from stepbus_coppelia.clients import ApiError
 from stepbus_coppelia.joints import FREE, POSITION, VELOCITY
-from stepbus_coppelia.scene import NOWHERE, SHAPE, SceneObject, composed, inverse, relative
+from stepbus_coppelia.scene import NOWHERE, SHAPE, SceneObject, composed, relative
+from stepbus_participant import suggest
 from stepbus_plant.geometry import Pose
 
 from . import table
@@ -24,7 +26,9 @@ _MODES: dict[int, Callable[[float], int | None]] = {
     CONSTANTS["jointintparam_ctrl_enabled"]: lambda value: POSITION if value else VELOCITY,
 }
 _FASTEST = {CONSTANTS[f"jointfloatparam_{key}"] for key in ("maxvel", "upper_limit")}
-_MISSING = "object does not exist, or alias/path ({!r}) is ill formatted{}."
+
+_PARAMS = ("Int32Param", "IntParam", "Int32Parameter", "IntParameter", "FloatParameter")
+"""Names of old and new, of functions that take any number."""
 
 
 class Objects(Group):
@@ -32,11 +36,12 @@ class Objects(Group):
 
     title = "objects"
     also = {
+        "getObjectName": "getObjectAlias",
         "setObjectName": "setObjectAlias",
         "getVelocity": "getObjectVelocity",
         "removeModel": "removeObject",
-        **{f"get{k}Param": "getObjectFloatParam" for k in ("ObjectInt32", "ObjectInt")},
-        **dict.fromkeys(("setObjectInt32Param", "setObjectIntParam"), "setObjectFloatParam"),
+        **{f"getObject{k}": "getObjectFloatParam" for k in _PARAMS},
+        **{f"setObject{k}": "setObjectFloatParam" for k in _PARAMS},
     }
 
     def getObject(self, path: str, options: Any = None) -> int:
@@ -45,7 +50,9 @@ class Objects(Group):
         start = self.sim.scene.objects.get(given.get("proxy", -1))
         handle = self.sim.scene.find(str(path), start, int(given.get("index", 0)))
         if handle == -1 and not given.get("noError"):
-            raise ApiError(_MISSING.format(path, self.sim.scene.similar(str(path))))
+            known = suggest(path, map(self.sim.scene.path, self.sim.scene.objects.values()))
+            text = f"object does not exist, or alias/path ({path!r}) is ill formatted"
+            raise ApiError(text + known)
         return handle
 
     def getObjectHandle(self, name: str, options: Any = None) -> int:
@@ -63,10 +70,6 @@ class Objects(Group):
         path = self.sim.scene.path(thing)
         forms = dict.fromkeys((1, 2, 5, 6, 7, 8, 9), path) | {4: f"{thing.alias}__{handle}__"}
         return forms.get(int(options), thing.alias)
-
-    def getObjectName(self, handle: int, _options: Any = None) -> str:
-        """Return the alias of an object."""
-        return self.sim.scene.get(handle).alias
 
     def setObjectAlias(self, handle: int, alias: str, _options: Any = None) -> int:
         """Give an object another alias."""
@@ -87,7 +90,7 @@ class Objects(Group):
 
     def getObjectChild(self, handle: int, index: int) -> int:
         """Return the child of an object at an index; -1: there is none."""
-        top = -1 if handle in _NO_FRAMES else handle
+        top = -1 if handle in _NO_FRAMES else self.sim.scene.get(handle).handle
         children = [o.handle for o in self.sim.scene.objects.values() if o.parent == top]
         return children[index] if 0 <= index < len(children) else -1
 
@@ -101,14 +104,10 @@ class Objects(Group):
             found = [top, *found]
         return [o.handle for o in found if kind in (_ALL, o.kind)]
 
-    def getObjects(self, index: int, kind: int) -> int:
-        """Return the object of a kind at an index; -1: there is none."""
-        found = [o.handle for o in self.sim.scene.objects.values() if kind in (_ALL, o.kind)]
-        return found[index] if 0 <= index < len(found) else -1
-
     def getObjectVelocity(self, handle: int, _options: int = 0) -> tuple[Any, Any]:
         """Return its velocity [m/s] and angular velocity [rad/s] in the world."""
-        return self.sim.velocity_of(self.sim.scene.get(handle))
+        linear, angular = self.sim.scene.velocity_of(self.sim.scene.get(handle))
+        return list(linear), list(angular)
 
     def setObjectParent(self, handle: int, parent: Any = -1, keeps_place: bool = True) -> int:
         """Give an object another parent; a body then goes along with a link, as if held."""
@@ -120,29 +119,27 @@ class Objects(Group):
             raise ApiError("object is ancestor of desired parent.")
         pose, before = scene.world_pose(thing), scene.objects.get(thing.parent)
         if not keeps_place:
-            own = pose if before is None else relative(scene.world_pose(before, moves=True), pose)
-            pose = own if above is None else composed(scene.world_pose(above, moves=True), own)
+            pose = scene.out_of(scene.into(pose, before), above)
         thing.parent = -1 if above is None else above.handle
         if thing.link is None or not keeps_place:
-            self.sim.put(thing, pose)
+            scene.put(thing, pose)
         if thing.is_root:
-            self.sim.hold(thing, above)
+            scene.hold(thing, above)
         return 1
 
     def createDummy(self, *_look: Any) -> int:
         """Make a frame without a body."""
-        return self.sim.scene.add_dummy("Dummy").handle
+        return self.sim.scene.add_dummy().handle
 
     def createPrimitiveShape(self, form: int, sizes: Any, _options: int = 0) -> int:
         """Make a cuboid, a sphere or a cylinder, before the simulation."""
-        return self.sim.make_shape(_kind(_SHAPES, form), numbers(sizes, 3))
+        return self.sim.scene.make_shape(_kind(_SHAPES, form), numbers(sizes, 3))
 
     def createPureShape(self, form: int, options: int, sizes: Any, mass: float, *_: Any) -> int:
         """Make a cuboid (0), a sphere (1) or a cylinder (2) of a mass, before the simulation."""
-        handle = self.sim.make_shape(_kind(_PURE, form), numbers(sizes, 3))
         keys = {"static": bool(options & 16), "respondable": bool(options & 8)}
-        self.sim.shape_changed(handle, mass=number(mass), **keys)
-        return handle
+        size = numbers(sizes, 3)
+        return self.sim.scene.make_shape(_kind(_PURE, form), size, mass=_mass(mass), **keys)
 
     def removeObjects(self, handles: Any, *_more: Any) -> None:
         """Remove objects that the script has made."""
@@ -151,60 +148,76 @@ class Objects(Group):
 
     def removeObject(self, handle: int) -> int:
         """Remove an object that the script has made."""
-        self.sim.remove(self.sim.scene.get(handle))
+        self.sim.scene.discard(self.sim.scene.get(handle))
         return 1
 
-    def getObjectFloatParam(self, handle: int, parameter: int) -> float | None:
+    def getObjectFloatParam(self, handle: int, parameter: int) -> float:
         """Return a property of an object, such as the control mode of a joint."""
-        return self.sim.property_of(self.sim.scene.get(handle), parameter)
+        thing, own = self.sim.scene.get(handle), dict[str, float]()
+        if (joint := thing.joint) is not None:
+            control, velocity = self.sim.scene.controls[joint.name], self.sim.scene.velocity
+            own = {
+                "jointintparam_dynctrlmode": control.mode,
+                "jointintparam_motor_enabled": control.mode != FREE,
+                "jointintparam_ctrl_enabled": control.mode == POSITION,
+                "jointfloatparam_velocity": velocity[self.sim.scene.joint_index[joint.name]],
+                "jointfloatparam_upper_limit": min(joint.upper, math.pi),
+                "jointfloatparam_maxvel": min(control.fastest, sys.float_info.max),
+            }
+        elif thing.camera is not None:
+            row = thing.camera.row
+            larger = math.tan(row.fov / 2) * max(row.width / row.height, 1.0)
+            own = {
+                "visionintparam_resolution_x": row.width,
+                "visionintparam_resolution_y": row.height,
+                "visionfloatparam_perspective_angle": 2.0 * math.atan(larger),
+                "visionfloatparam_near_clipping": row.near,
+                "visionfloatparam_far_clipping": row.far,
+            }
+        elif thing.is_root:
+            bodies = self.sim.scene.physics.world.bodies
+            own["shapeintparam_static"] = bodies[thing.name].fixed_base
+        known = {CONSTANTS[name]: value for name, value in own.items()}
+        return float(known.get(parameter, thing.values.get(str(parameter), 0.0)))
 
     def setObjectFloatParam(self, handle: int, parameter: int, value: float) -> int:
         """Set a property of an object, such as the control mode of a joint."""
         thing, value = self.sim.scene.get(handle), number(value)
         if thing.joint is not None:
-            control = self.sim.controls[thing.joint.name]
+            control = self.sim.scene.controls[thing.joint.name]
             if parameter in _MODES and (mode := _MODES[parameter](value)) is not None:
                 control.drive(mode)
             elif parameter in _FASTEST:
                 control.fastest = abs(value)
-        elif parameter in _KEYS and thing.name in self.sim.edits.primitives:
-            self.sim.shape_changed(handle, **{_KEYS[parameter]: bool(value)})
+        elif parameter in _KEYS:
+            self.sim.scene.change(thing, _KEYS[parameter], bool(value))
         thing.values[str(parameter)] = value
-        return 1
-
-    def setModelProperty(self, _handle: int, _value: int) -> int:
-        """Do nothing: what a model shows or collides with is in its URDF."""
         return 1
 
     def setShapeColor(self, handle: int, _name: Any, _part: int, colour: Any) -> int:
         """Give a shape a colour: red, green, blue, 0 to 1."""
-        self.sim.shape_changed(handle, colour=tuple(numbers(colour, 3)))
+        thing = self.sim.scene.get(handle)
+        thing.values["colour"] = numbers(colour, 3)
+        self.sim.scene.change(thing, "colour", tuple(thing.values["colour"]))
         return 1
 
     def getShapeColor(self, handle: int, *_more: Any) -> tuple[int, list[float]]:
-        """Return 1 and the colour of a shape."""
-        return 1, list(self.sim.scene.get(handle).values.get("colour", (0.75, 0.75, 0.75)))
+        """Return 1 and the colour that a script has given a shape; grey: none."""
+        return 1, self.sim.scene.get(handle).values.get("colour", [0.75, 0.75, 0.75])
 
     def setShapeMass(self, handle: int, mass: float) -> None:
         """Give a body of one link another mass, which it has from the next simulation on [kg]."""
-        self.sim.shape_changed(handle, mass=number(mass))
-
-    def getShapeMass(self, handle: int) -> float:
-        """Return the mass of a link [kg]."""
-        thing = self._shape(handle)
-        return float(thing.values.get("mass", self.sim.scene.engine.mass(thing.link)))
-
-    def getShapeBB(self, handle: int) -> tuple[list[float], list[float]]:
-        """Return size [m] and pose of the box around a link, along the axes of the world."""
-        low, high = self.sim.scene.engine.box(self._shape(handle).link)
-        middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
-        return [b - a for a, b in zip(low, high, strict=True)], [*middle, 0.0, 0.0, 0.0, 1.0]
-
-    def _shape(self, handle: int) -> Any:
         thing = self.sim.scene.get(handle)
-        if thing.kind != SHAPE:
-            raise ApiError("object is not a shape.")
-        return thing
+        self.sim.scene.change(thing, "mass", _mass(mass))
+        if self.sim.is_running:
+            text = f"{self.sim.scene.path(thing)} has its new mass from the next simulation on"
+            self.sim.logged.append(("warning", text))
+
+
+def _mass(value: object) -> float:
+    if (mass := number(value)) <= 0.0:
+        raise ApiError(f"the mass must be above 0 kg, not {mass:g}.")
+    return mass
 
 
 def _kind(kinds: dict[int, str], form: int) -> str:
@@ -266,18 +279,16 @@ class Poses(Group):
 
     def _seen(self, handle: int, given: Any) -> Pose:
         thing = self.sim.scene.get(handle)
-        return self.sim.scene.pose_in(thing, self._frame(thing, given))
+        return self.sim.scene.into(self.sim.scene.world_pose(thing), self._frame(thing, given))
 
     def _put(self, handle: int, values: Any, given: Any, to: Callable[[Any, Pose], Pose]) -> int:
         """Put an object where values take its pose in a frame; older scripts give that first."""
-        thing = self.sim.scene.get(handle)
+        scene, thing = self.sim.scene, self.sim.scene.get(handle)
         if isinstance(given, list | tuple):
             values, given = given, values
         frame = self._frame(thing, given)
-        pose = to(values, self.sim.scene.pose_in(thing, frame))
-        if frame is not None:
-            pose = composed(self.sim.scene.world_pose(frame, moves=True), pose)
-        self.sim.put(thing, pose)
+        pose = to(values, scene.into(scene.world_pose(thing), frame))
+        scene.put(thing, scene.out_of(pose, frame))
         return 1
 
     def buildMatrix(self, where: Any, angles: Any) -> list[float]:
@@ -287,23 +298,6 @@ class Poses(Group):
     def buildPose(self, where: Any, angles: Any, *_more: Any) -> list[float]:
         """Return the pose of a position and Euler angles."""
         return [*point(where), *of_euler(numbers(angles, 3))]
-
-    def multiplyMatrices(self, one: Any, other: Any) -> list[float]:
-        """Return the product of two matrices."""
-        return matrix(composed(of_matrix(one), of_matrix(other)))
-
-    def multiplyPoses(self, one: Any, other: Any) -> list[float]:
-        """Return the product of two poses."""
-        return _row(composed(pose_of(one), pose_of(other)))
-
-    def getMatrixInverse(self, rows: Any) -> list[float]:
-        """Return the inverse of a matrix."""
-        return matrix(inverse(of_matrix(rows)))
-
-    def multiplyVector(self, rows: Any, vector: Any) -> list[float]:
-        """Return a point that a matrix, or a pose, takes to the world."""
-        frame = pose_of(rows) if len(rows) == 7 else of_matrix(rows)
-        return list(composed(frame, (point(vector), NOWHERE[1]))[0])
 
     def rotateAroundAxis(self, rows: Any, axis: Any, through: Any, angle: float) -> list[float]:
         """Return a matrix, or a pose, that is turned about an axis through a point [rad]."""
@@ -316,14 +310,6 @@ class Poses(Group):
     def getEulerAnglesFromMatrix(self, rows: Any) -> list[float]:
         """Return the Euler angles of a matrix [rad]."""
         return table.euler(of_matrix(rows)[1])
-
-    def matrixToPose(self, rows: Any) -> list[float]:
-        """Return a matrix as a pose."""
-        return _row(of_matrix(rows))
-
-    def poseToMatrix(self, pose: Any) -> list[float]:
-        """Return a pose as a matrix."""
-        return matrix(pose_of(pose))
 
 
 def _row(pose: Pose) -> list[float]:

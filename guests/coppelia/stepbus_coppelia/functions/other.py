@@ -4,22 +4,18 @@ import struct
 from typing import Any
 
 import cbor2
-import numpy as np
 
 from stepbus_coppelia.clients import ApiError
 
 from .table import CONSTANTS, Group, number
 
-_FORMATS = {"UInt8": "B", "UInt16": "H", "UInt32": "I", "Int32": "i", "Float": "f", "Double": "d"}
-_KINDS = {0: "B", 1: "b", 4: "f", 5: "d"}
-"""CoppeliaSim's number of a kind of buffer → NumPy's letter."""
 _CLEAR = CONSTANTS["handleflag_setmultiple"]
 
 
 class Signals(Group):
-    """Values by name, and data that is kept with objects."""
+    """Values by name."""
 
-    title = "signals and data"
+    title = "signals"
     also = {
         "setIntegerSignal": "setInt32Signal",
         "setDoubleSignal": "setFloatSignal",
@@ -27,8 +23,6 @@ class Signals(Group):
         **{f"get{k}Signal": "getInt32Signal" for k in ("Integer", "Float", "Double", "Buffer")},
         "clearIntegerSignal": "clearInt32Signal",
         **{f"clear{k}Signal": "clearInt32Signal" for k in ("Float", "Double", "String", "Buffer")},
-        **{f"readCustom{k}Data": "readCustomDataBlock" for k in ("String", "Table")},
-        **{f"writeCustom{k}Data": "writeCustomDataBlock" for k in ("String", "Table")},
     }
 
     def setInt32Signal(self, name: str, value: Any) -> int:
@@ -60,18 +54,6 @@ class Signals(Group):
         names = list(self.sim.signals) if name is None else [name]
         return sum(self.sim.signals.pop(own, None) is not None for own in names)
 
-    def writeCustomDataBlock(self, handle: int, tag: str, data: Any) -> int:
-        """Keep data with an object, or with the scene."""
-        self._store(handle)[f"data {tag}"] = data
-        return 1
-
-    def readCustomDataBlock(self, handle: int, tag: str, *_more: Any) -> Any:
-        """Return data that was kept; nothing where there is none."""
-        return self._store(handle).get(f"data {tag}")
-
-    def _store(self, handle: int) -> dict[str, Any]:
-        return self.sim.signals if handle < 0 else self.sim.scene.get(handle).values
-
 
 class Other(Group):
     """Buffers, drawing objects, and functions of other scripts."""
@@ -90,11 +72,16 @@ class Other(Group):
         except (cbor2.CBORDecodeError, ValueError) as exc:
             raise ApiError(f"this is no table that `packTable` has packed: {exc}") from exc
 
-    def transformBuffer(self, data: bytes, kind: int, scale: float, add: float, to: int) -> bytes:
-        """Return a buffer with each number scaled, and of another kind."""
-        if kind not in _KINDS or to not in _KINDS:
-            raise ApiError("this kind of buffer is not available in stepbus.")
-        return (np.frombuffer(data, _KINDS[kind]) * float(scale) + add).astype(_KINDS[to]).tobytes()
+    def packFloatTable(self, values: Any, start: int = 0, count: int = 0) -> bytes:
+        """Return numbers as a buffer."""
+        rows = values[start : start + count] if count else values[start:]
+        return struct.pack(f"<{len(rows)}f", *rows)
+
+    def unpackFloatTable(self, data: bytes, start: int = 0, count: int = 0, skip: int = 0) -> Any:
+        """Return the numbers of a buffer, from one of them on, behind some bytes."""
+        rest = data[skip + 4 * start :]
+        count = count or len(rest) // 4
+        return list(struct.unpack(f"<{count}f", rest[: 4 * count]))
 
     def addDrawingObject(
         self, form: int, size: float, _tolerance: float, parent: int, most: int, *more: Any
@@ -128,26 +115,3 @@ class Other(Group):
                 "that `functions` of the gateway names."
             )
         return work(*arguments)
-
-
-def _add_tables(name: str, form: str) -> None:
-    """Add `packFloatTable`, `unpackFloatTable` and the like."""
-
-    def pack(_self: Other, values: Any, start: int = 0, count: int = 0) -> bytes:
-        """Return numbers as a buffer."""
-        rows = values[start : start + count] if count else values[start:]
-        return struct.pack(f"<{len(rows)}{form}", *rows)
-
-    def unpack(_self: Other, data: bytes, start: int = 0, count: int = 0, offset: int = 0) -> Any:
-        """Return the numbers of a buffer."""
-        size = struct.calcsize(form)
-        rest = data[offset + start * size :]
-        count = count or len(rest) // size
-        return list(struct.unpack(f"<{count}{form}", rest[: count * size]))
-
-    for work in (pack, unpack):
-        setattr(Other, f"{work.__name__}{name}Table", work)
-
-
-for _name, _form in _FORMATS.items():
-    _add_tables(_name, _form)

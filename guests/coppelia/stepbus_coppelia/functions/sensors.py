@@ -1,5 +1,6 @@
 """Sensors: vision, proximity, collisions and distances."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -7,15 +8,17 @@ import numpy as np
 from stepbus_coppelia.clients import ApiError
 from stepbus_coppelia.proximity import reading
 from stepbus_coppelia.scene import SHAPE, SceneObject
+from stepbus_participant import suggest
+from stepbus_plant.engine import Link
 
 from .table import CONSTANTS, Group, number
 
 _ALL = CONSTANTS["handle_all"]
 _NOTHING = (0, 0.0, [0.0, 0.0, 0.0], -1, [0.0, 0.0, 0.0])
-_FAR = 10.0
-"""Up to where the nearest object is looked for, where a script has no threshold [m]."""
 _GIVEN = (-1, -1)
 """Moment of an image that a script has given."""
+_COLLISIONS = 3_000_000
+"""Handle of the first collision object."""
 
 
 class Sensors(Group):
@@ -35,10 +38,11 @@ class Sensors(Group):
         thing = self.sim.scene.get(handle)
         if thing.camera is None:
             raise ApiError("object is not a vision sensor.")
-        if thing.values.get("seen") not in (self.sim.moment, _GIVEN):
+        now = self.sim.runs, self.sim.step
+        if thing.values.get("seen") not in (now, _GIVEN):
             size = thing.camera.row.height, thing.camera.row.width
             colours, depths = thing.camera.render()
-            thing.values["seen"] = self.sim.moment
+            thing.values["seen"] = now
             thing.values["images"] = (
                 np.frombuffer(colours.data, np.uint8).reshape(*size, 3)[::-1],
                 np.frombuffer(depths.data, "<f4").reshape(size)[::-1],
@@ -112,45 +116,68 @@ class Sensors(Group):
             raise ApiError("object is not a proximity sensor.")
         return reading(self.sim.scene, thing) or _NOTHING
 
-    def checkProximitySensor(self, handle: int, entity: int) -> tuple[Any, ...]:
+    def checkProximitySensor(self, handle: int, entity: int = _ALL) -> tuple[Any, ...]:
         """Return the same, if what it detects is an object, in its tree or in a collection."""
-        found, wanted = self.readProximitySensor(handle), self._shapes(entity)
-        fits = wanted is None or found[3] in [shape.handle for shape in wanted]
+        found, links = self.readProximitySensor(handle), self._links(entity)
+        fits = entity == _ALL or found[3] in [self.sim.scene.of(link).handle for link in links]
         return found if fits else _NOTHING
 
     def checkCollision(self, one: int, other: int = _ALL) -> tuple[int, list[int]]:
         """Return whether two objects of different bodies collide, and the handles of both."""
-        found, pair = self._nearest(one, other, 1e-3)
-        return (1, pair) if found is not None and found.distance <= 0.0 else (0, [-1, -1])
+        return self._collide(self._links(one), self._links(other))
 
-    def checkDistance(
-        self, one: int, other: int = _ALL, threshold: float = 0.0
-    ) -> tuple[int, list[float], list[int]]:
-        """Return whether they are nearer than a threshold, both points and their distance [m]."""
-        found, pair = self._nearest(one, other, number(threshold) if threshold > 0.0 else _FAR)
-        if found is None:
-            return 0, [0.0] * 7, pair
-        return 1, [*found.on_one, *found.on_other, found.distance], pair
+    def getCollisionHandle(self, name: str) -> int:
+        """Return the handle of a collision object, which `collisions` of the gateway names."""
+        try:
+            self._pair(name)
+        except ApiError as exc:
+            # A client of the legacy API gets no text.
+            self.sim.logged.append(("warning", f"collision object {name!r}: {exc}"))
+            raise
+        return _COLLISIONS + list(self.sim.params.collisions).index(name)
 
-    def _shapes(self, entity: Any) -> list[SceneObject] | None:
-        """Return the links of an object, or of a collection; None: all."""
-        if entity in (None, _ALL) or entity in self.sim.collections:
-            return self.sim.collections.get(entity)
-        thing = self.sim.scene.get(entity)
-        tree = self.sim.scene.below(thing)
-        return [thing] if thing.kind == SHAPE else [o for o in tree if o.kind == SHAPE]
+    def readCollision(self, handle: int) -> int:
+        """Return 1 if the two objects of a collision object collide, otherwise 0."""
+        names = dict(enumerate(self.sim.params.collisions, _COLLISIONS))
+        return self._collide(*self._pair(names.get(handle, "")))[0]
 
-    def _nearest(self, one: Any, other: Any, within: float) -> tuple[Any, list[int]]:
-        """Return the nearest points of two entities within a distance [m], and both handles."""
-        first, second = self._shapes(one), self._shapes(other)
-        links = None if second is None else [shape.link for shape in second]
-        shapes = self.sim.scene.objects.values() if first is None else first
-        own = [shape.link for shape in shapes if shape.kind == SHAPE and shape.link]
-        near = [row for link in own for row in self.sim.scene.engine.closest(link, within)]
-        rows = [row for row in near if links is None or row.other in links]
+    def _pair(self, name: str) -> tuple[list[Link], list[Link]]:
+        """Return the links of both objects of a collision object; raises ApiError."""
+        known = self.sim.params.collisions
+        if name not in known:
+            hint = "name its two objects under `collisions` of the gateway"
+            raise ApiError(f"object does not exist; {hint}{suggest(name, known)}")
+        one, other = map(self._whole, known[name])
+        if len({link[0] for link in (*one, *other)}) < 2:
+            raise ApiError("its objects are not of two bodies, which alone collide.")
+        return one, other
+
+    def _whole(self, path: str) -> list[Link]:
+        """Return the links of an object by its path: of a robot all."""
+        scene = self.sim.scene
+        if (thing := scene.objects.get(scene.find(path))) is None:
+            known = suggest(path, map(scene.path, scene.objects.values()))
+            raise ApiError(f"{path!r} does not exist{known}")
+        if thing.is_root and thing.link is not None:
+            return list(scene.engine.links(thing.link[0]).values())
+        return self._links(thing.handle)
+
+    def _collide(self, first: list[Link], second: list[Link]) -> tuple[int, list[int]]:
+        near = [row for link in first for row in self.sim.scene.engine.closest(link, 1e-3)]
+        rows = [row for row in near if row.other in second]
         found = min(rows, key=lambda contact: contact.distance, default=None)
-        ends = (found.one, found.other) if found else ()
-        return found, [self.sim.scene.of(link).handle for link in ends] or [-1, -1]
+        if found is None or found.distance > 0.0:
+            return 0, [-1, -1]
+        return 1, [self.sim.scene.of(link).handle for link in (found.one, found.other)]
+
+    def _links(self, entity: Any) -> list[Link]:
+        """Return the links of an object, of what is below it, of a collection, or all."""
+        scene = self.sim.scene
+        shapes: Iterable[SceneObject] = self.sim.collections.get(entity, scene.objects.values())
+        if entity not in (None, _ALL, *self.sim.collections):
+            thing = scene.get(entity)
+            shapes = [thing] if thing.kind == SHAPE else scene.below(thing)
+        return [shape.link for shape in shapes if shape.kind == SHAPE and shape.link]
 
     def createCollection(self, *_options: Any) -> int:
         """Make an empty collection of objects."""
@@ -168,11 +195,6 @@ class Sensors(Group):
         elif what == _ALL:
             found = list(self.sim.scene.objects.values())
         self.sim.collections[group] += [thing for thing in found if thing.kind == SHAPE]
-
-    def destroyCollection(self, group: int) -> None:
-        """Forget a collection."""
-        if self.sim.collections.pop(group, None) is None:
-            raise ApiError("object does not exist.")
 
 
 def _part(image: Any, at: Any, size: Any) -> Any:

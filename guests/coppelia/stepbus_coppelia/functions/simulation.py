@@ -1,6 +1,5 @@
 """The simulation: start and stop, steps, time, scenes, parameters, messages to the user."""
 
-import time
 from pathlib import PurePath
 from typing import Any
 
@@ -21,10 +20,9 @@ class Simulation(Group):
         "yield": "step",
         "switchThread": "step",
         "releaseLock": "acquireLock",
-        "addStatusbarMessage": "auxiliaryConsolePrint",
         "getInt32Parameter": "getInt32Param",
-        **{f"set{k}Param": "setFloatParam" for k in ("Int32", "Bool", "String", "Array")},
         "setInt32Parameter": "setFloatParam",
+        **{f"set{k}Param": "setFloatParam" for k in ("Int32", "Bool", "String")},
     }
 
     def startSimulation(self) -> None:
@@ -61,10 +59,6 @@ class Simulation(Group):
         """Let the simulation make a step; return when that is done."""
         self.sim.client.waits = self.sim.is_running
 
-    def getStepping(self) -> bool:
-        """Return whether the client steps the simulation."""
-        return self.sim.client.level > 0
-
     def wait(self, seconds: float, is_simulated: bool = True) -> float:
         """Return when so much simulation time has passed [s]."""
         if self.sim.is_running and is_simulated:
@@ -75,24 +69,15 @@ class Simulation(Group):
     def acquireLock(self) -> None:
         """Do nothing: calls of clients never overlap."""
 
-    def getSystemTime(self) -> float:
-        """Return the time of the machine [s]; what depends on it does not repeat."""
-        return time.monotonic()
-
     def loadScene(self, file: str) -> int:
         """Take another world, as the table `scenes` of the scenario maps the file's name."""
-        self.sim.load_scene(_mapped(self.sim.params.scenes, file, "a world under `scenes`"))
+        self.sim.scene.load_world(_mapped(self.sim.params.scenes, file, "a world under `scenes`"))
         return 1
-
-    def closeScene(self) -> int:
-        """Take back what the script has changed of the scene."""
-        self.sim.load_scene("")
-        return 0
 
     def loadModel(self, file: str) -> int:
         """Add a body, as the table `models` maps the file's name; return its handle."""
         urdf = _mapped(self.sim.params.models, file, "a URDF under `models`")
-        return self.sim.load_model(urdf, PurePath(file).stem)
+        return self.sim.scene.load_model(urdf, PurePath(file).stem)
 
     def getInt32Param(self, parameter: int) -> int:
         """Return a parameter, such as the version."""
@@ -115,11 +100,6 @@ class Simulation(Group):
         known = {"path_and_name": str(file), "name": file.name, "path": str(file.parent)}
         return str(self._param("stringparam_scene_", parameter, known, ""))
 
-    def getArrayParam(self, parameter: int) -> Any:
-        """Return a parameter, such as gravity."""
-        known = {"gravity": list(self.sim.scene.physics.world.gravity)}
-        return self._param("arrayparam_", parameter, known, [0.0, 0.0, 0.0])
-
     def _param(self, kind: str, parameter: int, known: Any, default: Any) -> Any:
         own = {CONSTANTS[kind + name]: value for name, value in known.items()}
         return self.sim.values.get((kind[0], parameter), own.get(parameter, default))
@@ -130,18 +110,12 @@ class Simulation(Group):
         if is_step and isinstance(value, float) and abs(number(value) - self.sim.dt) > 1e-9:
             own, wanted = f"{self.sim.dt:g} s", f"`--set step={value * 1e3:g}ms`"
             raise ApiError(f"the step of this scenario is {own}; use {wanted}.")
-        kind = {bool: "b", int: "i", float: "f", str: "s"}.get(type(value), "a")
-        self.sim.values[kind, parameter] = value
+        self.sim.values[type(value).__name__[0], parameter] = value
         return 1
 
     def addLog(self, verbosity: int, text: str) -> None:
         """Show a message to whoever watches, and record it."""
         self.sim.logged.append((_SAYS.get(int(verbosity), "info"), str(text)))
-
-    def auxiliaryConsolePrint(self, *words: Any) -> int:
-        """Show a message to whoever watches, and record it."""
-        self.sim.logged.append(("info", str(words[-1])))
-        return 1
 
 
 def _mapped(table: Any, file: str, what: str) -> Any:

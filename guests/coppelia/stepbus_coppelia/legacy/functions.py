@@ -12,7 +12,7 @@ Call = Callable[[str, Sequence[Any]], list[Any]]
 """Call a function by its name; raises ApiError."""
 
 ENABLE, DISABLE, TRIGGER, LAST_ERRORS, FINISH = 1, 2, 3, 4, 10
-RUN_STATE, GET_AND_CLEAR = 0x1007, 0x3017
+RUN_STATE = 0x1007
 """Numbers of commands; the first five are about the connection, and not here."""
 
 _WORLD, _ALL, _PARENT, _SCENE, _ALL_OBJECTS = -1, -2, -11, -12, 109
@@ -66,37 +66,20 @@ def _flat(values: Iterable[Any]) -> list[Any]:
     return list(chain.from_iterable(v if isinstance(v, list | tuple) else (v,) for v in values))
 
 
-def _sensor(found: int, *vectors: Any) -> bytes:
-    """Return what a sensor found, and vectors, of zeros where it has none. Raises ApiError."""
-    if found < 0:
-        raise ApiError("the sensor was never handled")
-    return bytes([found & 0xFF]) + _pack("f", [vector or (0.0, 0.0, 0.0) for vector in vectors])
-
-
-def _first(call: Call, *tries: tuple[str, Sequence[Any]]) -> list[Any]:
-    """Return the results of the first call that succeeds. Raises ApiError of the last."""
-    for function, args in tries[:-1]:
-        with contextlib.suppress(ApiError):
-            return call(function, args)
-    return call(*tries[-1])
-
-
 def _object(call: Call, name: str) -> list[Any]:
     """Find an object by a path, or by a name of old: `joint#0` was the second joint."""
     path = name if name[:1] in {"/", ".", ":"} else f"/{name}"
     base, mark, copy = path.rpartition("#")
     index = {"index": int(copy) + 1 if copy.isdecimal() else 0}
-    tries: list[list[Any]] = [[path], [base, index], [base]] if mark else [[path]]
-    return _first(call, *(("getObject", args) for args in tries))
+    tries: list[list[Any]] = [[path], [base, index]] if mark else []
+    for args in tries:
+        with contextlib.suppress(ApiError):
+            return call("getObject", args)
+    return call("getObject", [base if mark else path])
 
 
 def _of_type(call: Call, kind: int) -> list[Any]:
     return _flat(call("getObjectsInTree", [_SCENE, _ALL if kind == _ALL_OBJECTS else kind, 0]))
-
-
-def _collection(call: Call, name: str) -> list[Any]:
-    """Find a collection; of those without a name a signal has the number."""
-    return _first(call, ("getCollectionHandle", [name]), ("getInt32Signal", [name]))
 
 
 def _place(function: str) -> Callable[..., list[Any]]:
@@ -106,32 +89,14 @@ def _place(function: str) -> Callable[..., list[Any]]:
 
 def _vision(call: Call, handle: int) -> bytes:
     found, *packets = call("readVisionSensor", [handle])
-    return _sensor(found) + _pack("c", [*map(len, packets)]) + _pack("f", packets)
+    packets = [packet for packet in packets if packet]
+    return struct.pack("<B", found) + _pack("c", map(len, packets)) + _pack("f", packets)
 
 
 def _proximity(call: Call, handle: int) -> bytes:
     found, _, point, other, normal = call("readProximitySensor", [handle])
-    parts = _sensor(found, point, normal)
-    return parts[:13] + _pack("1i", [other or 0]) + parts[13:]
-
-
-def _take(call: Call, name: str) -> bytes:
-    """Return a string signal, and clear it."""
-    value = _pack("t", call("getStringSignal", [name]))
-    call("clearStringSignal", [name])
-    return value
-
-
-def _stream(call: Call, name: str) -> bytes:
-    """Return what a stream has; the client joins what it gets."""
-    with contextlib.suppress(ApiError):
-        return _take(call, name)
-    return b""
-
-
-def _append(call: Call, name: str, more: bytes) -> None:
-    (before,) = call("getStringSignal", [name]) or [None]
-    call("setStringSignal", [name, _pack("t", [before or b""]) + more])
+    vectors = [vector or (0.0, 0.0, 0.0) for vector in (point, normal)]
+    return struct.pack("<B3fi3f", found, *vectors[0], other, *vectors[1])
 
 
 def _script(call: Call, named: bytes, data: bytes) -> bytes:
@@ -180,12 +145,12 @@ def _row(call: Call, handle: int, kind: int) -> tuple[list[Any], list[Any], list
 
 
 def _group(call: Call, group: int, kind: int) -> bytes:
-    """Read something of all objects of a type or in a collection."""
+    """Read something of all objects of a type."""
     if kind != 13 and kind not in _READS:
         raise ApiError(f"there is no data type {kind}")
-    is_type = 0 <= group < _END_OF_TYPES or group == _ALL_OBJECTS
-    collected = () if is_type else call("getCollectionObjects", [group])
-    handles = _of_type(call, group) if is_type else _flat(collected)
+    if not (0 <= group < _END_OF_TYPES or group == _ALL_OBJECTS):
+        raise ApiError("collections are not available in stepbus")
+    handles = _of_type(call, group)
     rows = [_row(call, handle, kind) for handle in handles]
     ints, floats, texts = ([value for row in rows for value in row[at]] for at in range(3))
     counts = _pack("4i", [*map(len, (handles, ints, floats, texts))])
@@ -194,24 +159,22 @@ def _group(call: Call, group: int, kind: int) -> bytes:
 
 
 _PLAIN = """
-0005 closeScene - - -   0009 createDummy - f 1i   1001 getJointPosition i - 1f
-1002 setJointPosition i f -   1008 setJointTargetVelocity i f -   100a getJointMatrix i - 12f
-100c setJointTargetPosition i f -   100d getJointForce i - 1f   1012 getObjectParent i - 1i
-1018 getObjectOrientation i i 3f   1019 getObjectPosition i i 3f   101c setObjectParent i i? -
-101d getArrayParam i - 3f   101f getBoolParam i - 1i   1020 setBoolParam i ? -
+0009 createDummy - f 1i   1001 getJointPosition i - 1f   1002 setJointPosition i f -
+1008 setJointTargetVelocity i f -   100c setJointTargetPosition i f -   100d getJointForce i - 1f
+1012 getObjectParent i - 1i   1018 getObjectOrientation i i 3f   1019 getObjectPosition i i 3f
+101c setObjectParent i i? -   101f getBoolParam i - 1i   1020 setBoolParam i ? -
 1021 getInt32Param i - 1i   1022 setInt32Param i i -   1023 getFloatParam i - 1f
-1024 setFloatParam i f -   1026 readCollision i - 1i   1027 readDistance i - 1f
-1034 getModelProperty i - 1i   1035 setModelProperty i i -   1036 getObjectVelocity i - 6f
-1037 removeModel i - -   1038 getJointTargetForce i - 1f   2007 getObjectFloatParam 2i - 1f
-2008 getObjectInt32Param 2i - 1i   2009 setObjectFloatParam 2i f -
-200a setObjectInt32Param 2i i -   200b getObjectChild 2i - 1i   200d getObjectOrientation 2i - 3f
-200e getObjectPosition 2i - 3f   2801 getObjectQuaternion 2i - 4f   3002 loadScene s - -
-3003 loadModel s - 1i   300a getCollisionHandle s - 1i   300b getDistanceHandle s - 1i
+1024 setFloatParam i f -   1036 getObjectVelocity i - 6f   1038 getJointTargetForce i - 1f
+2007 getObjectFloatParam 2i - 1f   2008 getObjectInt32Param 2i - 1i
+2009 setObjectFloatParam 2i f -   200a setObjectInt32Param 2i i -
+200d getObjectOrientation 2i - 3f   200e getObjectPosition 2i - 3f
+2801 getObjectQuaternion 2i - 4f   3002 loadScene s - -   3003 loadModel s - 1i
 3010 getFloatSignal s - 1f   3011 getInt32Signal s - 1i   3013 setFloatSignal s f -
-3014 setInt32Signal s i -   3015 setStringSignal s b -   3012 getStringSignal s - t
+3014 setInt32Signal s i -   3015 setStringSignal s b -   3012 getBufferSignal s - t
 300d clearFloatSignal n - -   300e clearInt32Signal n - -   300f clearStringSignal n - -
 1003 getVisionSensorImg i =1 p   1004 getVisionSensorImg i =0 p   1025 getStringParam i - z
-1017 getVisionSensorDepth i =0 p   200f checkCollision 2i - 1i
+1017 getVisionSensorDepth i =0 p   200f checkCollision 2i - 1i   1026 readCollision i - 1i
+300a getCollisionHandle s - 1i   200b getObjectChild 2i - 1i   1037 removeModel i - -
 """
 """Number and function, what the command is named by, its data, its answer's; - is nothing."""
 _TABLE: dict[int, tuple[str | Callable[..., Any], str, str, str]] = {
@@ -221,40 +184,30 @@ _TABLE: dict[int, tuple[str | Callable[..., Any], str, str, str]] = {
     0x1009: (_proximity, "i", "", ""),
     # The most force: its sign is that of the target velocity.
     0x100E: (lambda call, *args: call("setJointTargetForce", [*args, False]), "i", "f", ""),
-    0x100F: (lambda call, h: _sensor(*call("readForceSensor", [h])), "i", "", ""),
     0x1011: (_vision, "i", "", ""),
     0x101A: (_place("setObjectOrientation"), "i", "i3f", ""),
     0x101B: (_place("setObjectPosition"), "i", "i3f", ""),
-    0x101E: (lambda call, *args: call("setArrayParam", [args[0], list(args[1:])]), "i", "3f", ""),
     0x1028: (lambda call, handle: call("removeObjects", [[handle]]), "i", "", ""),
     0x102A: (_of_type, "i", "", "c"),
-    0x102E: (
-        lambda call, h: call("copyPasteObjects", [[*memoryview(h).cast("i")], 0]),
-        "",
-        "b",
-        "c",
-    ),
     0x1801: (_place("setObjectQuaternion"), "i", "i4f", ""),
     0x200C: (_group, "2i", "", ""),
-    0x2010: (lambda call, *args: call("checkDistance", [*args, 0.0])[1][6:], "2i", "", "1f"),
     0x3001: (_object, "s", "", "1i"),
     0x3008: (lambda call, text: call("addLog", [_SCRIPT_INFOS, text]), "s", "", ""),
-    0x3016: (_append, "s", "b", ""),
-    GET_AND_CLEAR: (_take, "s", "", ""),
-    0x3018: (_stream, "s", "", ""),
-    0x3019: (_collection, "s", "", "1i"),
     0x3401: (_script, "b", "b", ""),
 }
 for _code, _name, *_forms in zip(*[iter(_PLAIN.split())] * 5, strict=True):
     _named, _takes, _gives = (form.strip("-") for form in _forms)
     _TABLE[int(_code, 16)] = (_name, _named, _takes, _gives)
 _REFUSED = """
-0006 GetObjectSelection 100b SetSphericalJointMatrix 1010 BreakForceSensor
-1014 AuxiliaryConsoleClose 1015 AuxiliaryConsolePrint 1016 AuxiliaryConsoleShow 1029 RemoveUI
-102b EndDialog 102c GetDialogInput 102d GetDialogResult 102f SetObjectSelection 2001 GetUISlider
+0005 CloseScene 0006 GetObjectSelection 100a GetJointMatrix 100b SetSphericalJointMatrix
+100f ReadForceSensor 1010 BreakForceSensor 1014 AuxiliaryConsoleClose 1015 AuxiliaryConsolePrint
+1016 AuxiliaryConsoleShow 101d GetArrayParameter 101e SetArrayParameter 1027 ReadDistance
+1029 RemoveUI 102b EndDialog 102c GetDialogInput 102d GetDialogResult 102e CopyPasteObjects
+102f SetObjectSelection 1034 GetModelProperty 1035 SetModelProperty 2001 GetUISlider
 2002 SetUISlider 2003 GetUIEventButton 2004 GetUIButtonProperty 2005 SetUIButtonProperty
-2006 SetUIButtonLabel 3004 TransferFile 3005 LoadUI 3006 EraseFile 3007 GetUIHandle
-3009 AuxiliaryConsoleOpen 300c DisplayDialog
+2006 SetUIButtonLabel 2010 CheckDistance 3004 TransferFile 3005 LoadUI 3006 EraseFile
+3007 GetUIHandle 3009 AuxiliaryConsoleOpen 300b GetDistanceHandle 300c DisplayDialog
+3016 AppendStringSignal 3017 GetAndClearStringSignal 3018 ReadStringStream 3019 GetCollectionHandle
 """
 _NAMES = dict(zip(*[iter(_REFUSED.split())] * 2, strict=True))
 

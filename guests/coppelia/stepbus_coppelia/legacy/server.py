@@ -168,8 +168,6 @@ class _Connection(Client):
             answer = self._call(command)
             self.is_recorded = True
             self._streams[key] = command, now, len(answer.data) > _HEAVY
-            if key[0] == functions.GET_AND_CLEAR and not answer.failed:
-                del self._streams[key]
         bits = (state != _STOPPED) | (state == _PAUSED) << 1
         time_ms = round(now * 1000.0) & 0x7FFFFFFF if state != _STOPPED else 0
         self.out += _packets(self.held or (0, 0), time_ms, bits, self._answers)

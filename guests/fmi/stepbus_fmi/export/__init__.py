@@ -1,0 +1,1 @@
+"""Participants and scenarios become FMUs: `stepbus export-fmu`."""

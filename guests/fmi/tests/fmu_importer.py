@@ -1,0 +1,151 @@
+"""FMPy, in a process of its own: FMUs of two libraries in one would share what they must not."""
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+
+import fmpy
+import numpy as np
+from fmpy.simulation import instantiate_fmu
+from fmpy.validation import validate_fmu
+
+STEP = 0.005
+
+
+def apart(function, *args):
+    """Return what a function of this module returns in a new process."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(function, *args).result(timeout=240)
+
+
+class Fmu:
+    """One instance, in initialization mode."""
+
+    def __init__(self, path, **starts):
+        folder = fmpy.extract(str(path), unzipdir=str(path) + ".d" + str(id(self)))
+        self.description = description = fmpy.read_model_description(folder)
+        self.references = {v.name: v.valueReference for v in description.modelVariables}
+        self.lines = []
+
+        def log(*words):
+            self.lines.append(str(words[-1].decode()))
+
+        self.is_3 = description.fmiVersion.startswith("3")
+        self.fmu = instantiate_fmu(
+            folder, description, "CoSimulation", debug_logging=True, logger=log
+        )
+        if self.is_3:
+            self.fmu.enterInitializationMode(startTime=0.0)
+        else:
+            self.fmu.setupExperiment(startTime=0.0)
+            self.fmu.enterInitializationMode()
+        for name, value in starts.items():
+            self.set({name: value})
+
+    def set(self, values):
+        references = [self.references[name] for name in values]
+        (self.fmu.setFloat64 if self.is_3 else self.fmu.setReal)(references, list(values.values()))
+
+    def get(self, names):
+        references = [self.references[name] for name in names]
+        return list((self.fmu.getFloat64 if self.is_3 else self.fmu.getReal)(references))
+
+    def step(self, index, size=STEP):
+        self.fmu.doStep(index * STEP, size)
+
+    def state(self):
+        fmu = self.fmu
+        got = fmu.getFMUState() if self.is_3 else fmu.getFMUstate()
+        return fmu.serializeFMUState(got) if self.is_3 else fmu.serializeFMUstate(got)
+
+    def restore(self, state):
+        fmu = self.fmu
+        if self.is_3:
+            fmu.setFMUState(fmu.deserializeFMUState(state))
+        else:
+            fmu.setFMUstate(fmu.deSerializeFMUstate(state))
+
+    def close(self):
+        self.fmu.terminate()
+        self.fmu.freeInstance()
+
+
+def validated(path):
+    return validate_fmu(str(path))
+
+
+def variables(path):
+    description = fmpy.read_model_description(str(path))
+    return {
+        v.name: (v.causality, v.type, v.unit, v.start, v.description)
+        for v in description.modelVariables
+    }
+
+
+def simulated(path, rows, names):
+    """Return the columns of some outputs by FMPy's own loop. rows: name → inputs, a row a step."""
+    stop, signals = 1.0, None
+    if rows:
+        count = len(next(iter(rows.values())))
+        signals = np.zeros(count, dtype=[("time", float), *((name, float) for name in rows)])
+        signals["time"] = np.arange(count) * STEP
+        for name, values in rows.items():
+            signals[name] = values
+        stop = count * STEP
+    result = fmpy.simulate_fmu(str(path), stop_time=stop, output_interval=STEP, input=signals)
+    return np.stack([result[name] for name in names], 1)
+
+
+def coupled(controller, rest, joints, references, steps):
+    """Return the joint positions of two FMUs, each of which gets what the other has published."""
+    first, second = Fmu(controller), Fmu(rest)
+    first.fmu.exitInitializationMode()
+    second.fmu.exitInitializationMode()
+    positions, values = [], [f"command.values[{i}]" for i in (1, 2)]
+    for index in range(steps):
+        measured = second.get([f"plant.{name}" for name in joints])
+        positions.append(measured[:2])
+        first.set(dict(zip(joints, measured, strict=True)))
+        wanted = second.get([f"mission.{name}" for name in references])
+        first.set(dict(zip(references, wanted, strict=True)))
+        first.step(index)
+        second.set({f"controller.{n}": v for n, v in zip(values, first.get(values), strict=True)})
+        second.step(index)
+    first.close()
+    second.close()
+    return positions
+
+
+def branched(path, rows, outputs, at):
+    """Return a state, the outputs from there on, and those of a second instance with the state."""
+    answers, state = [], None
+    for number in range(2):
+        fmu = Fmu(path)
+        flags = fmu.description.coSimulation
+        assert (flags.canGetAndSetFMUstate, flags.canSerializeFMUstate) == (True, True)
+        fmu.fmu.exitInitializationMode()
+        if number:
+            fmu.restore(state)
+        answers.append([])
+        for index in range(at if number else 0, len(next(iter(rows.values())))):
+            if index == at and not number:
+                state = fmu.state()
+            fmu.set({name: values[index] for name, values in rows.items()})
+            fmu.step(index)
+            if index >= at:
+                answers[-1].append(fmu.get(outputs))
+        fmu.close()
+    return answers
+
+
+def failing(path, starts, steps, inputs):
+    """Return the lines of the log, and the errors: of the start, and of (index, size) each."""
+    fmu, errors = Fmu(path, **starts), []
+    for step in (None, *steps):
+        try:
+            fmu.fmu.exitInitializationMode() if step is None else fmu.step(*step)
+            fmu.set(inputs)
+        except fmpy.fmi1.FMICallException as exc:
+            errors.append(str(exc))
+            if step is None:
+                break
+    return fmu.lines, errors
