@@ -390,7 +390,10 @@ def main(checkout: Path, folders: Sequence[Path]) -> int:
         for feed in feeds if fmu.stem == "Feedthrough" else feeds[:1]:
             rows.append(apart(check, fmu, checkout, feed))
             print(rows[-1][1], flush=True)
-    for folder in sorted({fmu.parent for fmu in fmus if fmu.stem == "StateSpace"}):
+    has = {
+        stem: {f.parent for f in fmus if f.stem == stem} for stem in ("Feedthrough", "StateSpace")
+    }
+    for folder in sorted(has["Feedthrough"] & has["StateSpace"]):
         ends = (
             End(
                 folder / "Feedthrough.fmu", "Float64_continuous_input", "Float64_continuous_output"
