@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 
 import pytest
-from stepbus_fmi import units
 from stepbus_fmi.units import Units
 
 from stepbus_schemas import WiringError
@@ -26,12 +25,6 @@ PLAIN = {
 @pytest.mark.parametrize(("unit", "by_pint"), PLAIN.items())
 def test_a_unit_of_messages_is_the_one_of_pint(unit, by_pint):
     assert NONE.conversion(unit, by_pint) == (1.0, 0.0)
-
-
-def test_units_of_messages_do_not_load_pint(monkeypatch):
-    monkeypatch.setattr(units, "_registry", None)
-    new = Units(SimpleNamespace(unitDefinitions=[]))
-    assert {new.conversion(unit, unit + "·rad") for unit in PLAIN} == {(1.0, 0.0)}
 
 
 def test_others_are_those_of_pint():
