@@ -10,7 +10,7 @@ from stepbus_participant import format_duration
 
 from .model import Model, capabilities, read_model
 
-_PORTS = (
+PORTS = (
     ("out", float, "Scalars/1"),
     ("out_integers", int, "Integers/1"),
     ("out_booleans", bool, "Booleans/1"),
@@ -22,7 +22,7 @@ _STEP_NS = 10_000_000
 
 def port_of(kind: type) -> tuple[str, str]:
     """Return the output port of the values of a kind, and its type."""
-    return next((port, type_) for port, of, type_ in _PORTS if of is kind)
+    return next((port, type_) for port, of, type_ in PORTS if of is kind)
 
 
 def scenario_name(text: str) -> str:
@@ -63,7 +63,7 @@ def fmu_starter(path: Path, name: str) -> dict[str, bytes]:
 
 def participant(model: Model, fmu: str, inside: str = "") -> dict[str, Any]:
     """Return the participant of an FMU: as a plant, it publishes the state before it steps."""
-    outputs = {port: type_ for port, kind, type_ in _PORTS if model.of("output", kind)}
+    outputs = {port: type_ for port, kind, type_ in PORTS if model.of("output", kind)}
     start = _number(model, "startTime") or 0.0
     more: dict[str, Any] = {"inside": inside} if inside else {}
     more |= {"start_time": start} if start else {}

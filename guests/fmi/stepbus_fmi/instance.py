@@ -4,7 +4,7 @@ import shutil
 import tempfile
 import zlib
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from ctypes import byref
 from functools import partial
@@ -32,23 +32,16 @@ class FmuError(RunError):
 
 
 class _Program:
-    """The program of an FMU. Functions may be missing, such as those of another interface.
-
-    FMPy demands all (FMPy#804); Simulink exports none of model exchange (FMPy#700).
-    """
+    """The program of an FMU. FMPy demands all functions, also of other interfaces (FMPy#804)."""
 
     def __init__(self, library: Any) -> None:
         self._library = library
 
     def __getattr__(self, name: str) -> Any:
-        try:
-            return getattr(self._library, name)
-        except AttributeError:
+        def missing(*_: Any) -> None:
+            raise FmuError(f"its program has no function {name}")
 
-            def missing(*_: Any) -> None:
-                raise FmuError(f"its program has no function {name}")
-
-            return missing
+        return getattr(self._library, name, missing)
 
 
 class _Partial:
@@ -61,40 +54,39 @@ class _Partial:
 
 # FMPy goes by the beginning of these names.
 class FMU2Partial(_Partial, fmi2.FMU2Slave):  # type: ignore[misc]
-    """An FMU for FMI 2.0."""
+    """Without some functions."""
 
 
 class FMU3Partial(_Partial, fmi3.FMU3Slave):  # type: ignore[misc]
-    """An FMU for FMI 3.0."""
+    """Without some functions."""
 
 
 class Values:
-    """Variables of one type that are read and written together, in a buffer made once."""
+    """Variables of one type that are read and written together, in a buffer made once.
+
+    names: of the values, in their order.
+    """
 
     def __init__(self, fmu: Any, major: int, variables: Sequence[Variable]) -> None:
-        first = variables[0]
-        name = {"Enumeration": "Integer" if major == 2 else "Int64"}.get(
-            first.type_name, first.type_name
-        )
-        module, prefix = (fmi2, "fmi2") if major == 2 else (fmi3, "fmi3")
-        self.kind = first.kind
-        self._name = name
-        self._title = ", ".join(item.name for item in variables[:5])
+        self._type, self.kind = variables[0].type_name, variables[0].kind
+        self.names = [name for item in variables for name in item.names]
+        function = self._type
+        if function == "Enumeration":
+            function = "Integer" if major == 2 else "Int64"
         references = [item.reference for item in variables]
-        count = sum(item.size for item in variables)
-        self._is_plain = self.kind not in (str, bytes)
-        if not self._is_plain:
-            more = () if major == 2 else (count,)
-            self._get = partial(getattr(fmu, f"get{name}"), references, *more)
-            self._set = partial(getattr(fmu, f"set{name}"), references)
+        count = () if major == 2 else (len(self.names),)
+        self._buffer: Any = None
+        if self.kind in (str, bytes):
+            self._get = partial(getattr(fmu, f"get{function}"), references, *count)
+            self._set = partial(getattr(fmu, f"set{function}"), references)
             return
-        self._buffer = (getattr(module, f"{prefix}{name}") * count)()
-        handles = (getattr(module, f"{prefix}ValueReference") * len(references))(*references)
-        sizes = () if major == 2 else (count,)
         # FMPy's own methods make new buffers at each call.
-        arguments = (fmu.component, handles, len(references), self._buffer, *sizes)
-        self._get = partial(_call, fmu, f"{prefix}Get{name}", *arguments)
-        self._set = partial(_call, fmu, f"{prefix}Set{name}", *arguments)
+        module, prefix = (fmi2, "fmi2") if major == 2 else (fmi3, "fmi3")
+        self._buffer = (getattr(module, f"{prefix}{function}") * len(self.names))()
+        handles = (getattr(module, f"{prefix}ValueReference") * len(references))(*references)
+        arguments = (fmu.component, handles, len(references), self._buffer, *count)
+        self._get = partial(_call, fmu, f"{prefix}Get{function}", *arguments)
+        self._set = partial(_call, fmu, f"{prefix}Set{function}", *arguments)
 
     def get(self) -> list[Any]:
         """Return the values."""
@@ -107,13 +99,14 @@ class Values:
 
     def set(self, values: list[Any]) -> None:
         """Write the values."""
-        if not self._is_plain:
+        if self._buffer is None:
             self._set(values)
             return
         self._buffer[:] = values
         # ctypes cuts off what does not fit.
         if self.kind is int and self._buffer[:] != values:
-            raise FmuError(f"{self._title}: {values} does not fit the type {self._name}")
+            names = ", ".join(self.names[:5])
+            raise FmuError(f"{names}: {values} does not fit the type {self._type}")
         self._set()
 
 
@@ -150,8 +143,7 @@ class Instance:
         self.ended = False
         self._is_3 = model.major == 3
         self._lines: deque[str] = deque(maxlen=3)
-        self.has_events = False
-        self._is_off_grid = False
+        self._has_events = self._is_off_grid = False
         self._may_terminate, self._may_free = False, True
         self._folder = Path(tempfile.mkdtemp(prefix="stepbus-fmu-", dir=scratch_folder()))
         self._fmu: Any = None
@@ -164,97 +156,88 @@ class Instance:
 
     def instantiate(self, *, event_mode: bool) -> None:
         """Load the program of the FMU, and make the instance."""
-        self.has_events = self._is_3 and event_mode and bool(self.model.can.hasEventMode)
-        files = (self._folder / "binaries").glob("*/*")
-        binaries = sorted(f"{item.parent.name}/{item.name}" for item in files)
+        self._has_events = self._is_3 and event_mode and bool(self.model.can.hasEventMode)
         try:
-            self._fmu = self._instantiated()
+            fmu = (FMU3Partial if self._is_3 else FMU2Partial)(
+                guid=self.model.description.guid,
+                modelIdentifier=self.model.can.modelIdentifier,
+                unzipDirectory=str(self._folder),
+            )
+            fmu.instantiate(loggingOn=self._logs, **self._callbacks())
         except Exception as exc:
             text = str(exc).replace(str(self._folder), self.model.file).rstrip(".")
             if "Cannot find shared library" in text:
-                text += f"; it has programs for {', '.join(binaries) or 'no platform'}"
+                files = (self._folder / "binaries").glob("*/*")
+                there = sorted(f"{item.parent.name}/{item.name}" for item in files)
+                text += f"; it has programs for {', '.join(there) or 'no platform'}"
             raise WiringError(self._explained(f"{self.model.file}: {text}")) from exc
+        self._fmu = fmu
 
-    def _instantiated(self) -> Any:
-        said = self.model.description
-        make = FMU3Partial if self._is_3 else FMU2Partial
-        fmu = make(
-            guid=said.guid,
-            modelIdentifier=self.model.can.modelIdentifier,
-            unzipDirectory=str(self._folder),
-        )
+    def _callbacks(self) -> dict[str, Any]:
         if self._is_3:
-            fmu.instantiate(
-                loggingOn=self._logs,
-                eventModeUsed=self.has_events,
-                earlyReturnAllowed=True,
-                logMessage=self._log_3,
-            )
-            return fmu
+            more = {"eventModeUsed": self._has_events, "earlyReturnAllowed": True}
+            return {"logMessage": self._log, **more}
         calls = fmi2.fmi2CallbackFunctions()
-        calls.logger = fmi2.fmi2CallbackLoggerTYPE(self._log_2)
+        calls.logger = fmi2.fmi2CallbackLoggerTYPE(self._log)
         calls.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
         calls.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
         addLoggerProxy(byref(calls))
-        fmu.instantiate(callbacks=calls, loggingOn=self._logs)
-        return fmu
+        return {"callbacks": calls}
 
     def initialize(self, values: Mapping[str, Any], time: float, tolerance: float | None) -> None:
         """Set the start values and initialize the FMU at a time [s]."""
         fmu = self._fmu
-        sizes = {n: v for n, v in values.items() if self._causality(n) == "structuralParameter"}
+        sizes = {item.name for item in self.model.of("structuralParameter")} & values.keys()
         if sizes:
-            self._do(fmu.enterConfigurationMode)
-            self._set_start(sizes)
-            self._do(fmu.exitConfigurationMode)
-        others = {name: value for name, value in values.items() if name not in sizes}
-        if self._is_3:
-            self._set_start(others)
-            self._do(fmu.enterInitializationMode, tolerance, time, None)
-        else:
-            self._do(fmu.setupExperiment, tolerance, time, None)
-            self._set_start(others)
-            self._do(fmu.enterInitializationMode)
-        self._do(fmu.exitInitializationMode)
+            self.do(fmu.enterConfigurationMode)
+            self._set_start(values, sizes)
+            self.do(fmu.exitConfigurationMode)
+        if not self._is_3:
+            self.do(fmu.setupExperiment, tolerance, time, None)
+        self._set_start(values, values.keys() - sizes)
+        self.do(fmu.enterInitializationMode, *((tolerance, time, None) if self._is_3 else ()))
+        self.do(fmu.exitInitializationMode)
         self._may_terminate = True
-        if self.has_events:
+        if self._has_events:
             self._update_discrete_states()
 
-    def _causality(self, name: str) -> str:
-        return self.model.variables[name].causality
-
-    def _set_start(self, values: Mapping[str, Any]) -> None:
-        for name, value in values.items():
+    def _set_start(self, values: Mapping[str, Any], chosen: Collection[str]) -> None:
+        for name in (name for name in values if name in chosen):
             item = self.model.variables[name]
-            self._do(self.values([item]).set, value if item.shape else [value])
+            given = values[name] if item.shape else [values[name]]
+            self.do(Values(self._fmu, self.model.major, [item]).set, given)
 
-    def values(self, variables: Sequence[Variable]) -> Values:
-        """Return access to variables of one type."""
-        return Values(self._fmu, self.model.major, variables)
+    def values(self, variables: Iterable[Variable]) -> list[Values]:
+        """Return access to variables, for each type."""
+        by_type: dict[str, list[Variable]] = {}
+        for item in variables:
+            by_type.setdefault(item.type_name, []).append(item)
+        return [Values(self._fmu, self.model.major, items) for items in by_type.values()]
 
-    def get(self, values: Values) -> list[Any]:
-        """Return the values of variables."""
-        got: list[Any] = self._do(values.get)
-        return got
+    def get(self, groups: Sequence[Values]) -> dict[str, Any]:
+        """Return name → value."""
+        return {
+            name: value
+            for group in groups
+            for name, value in zip(group.names, self.do(group.get), strict=True)
+        }
 
-    def apply(
-        self, continuous: Mapping[Values, list[Any]], others: Mapping[Values, list[Any]]
-    ) -> None:
-        """Set inputs, and tunable parameters; those that are not continuous in an event."""
-        for group, values in continuous.items():
-            self._do(group.set, values)
-        if not others:
-            return
-        if self.has_events:
-            self._do(self._fmu.enterEventMode)
-        for group, values in others.items():
-            self._do(group.set, values)
-        if self.has_events:
+    def set(self, groups: Sequence[Values], values: Mapping[str, Any]) -> None:
+        """Set variables by name → value."""
+        for group in groups:
+            self.do(group.set, [values[name] for name in group.names])
+
+    def set_in_event(self, groups: Sequence[Values], values: Mapping[str, Any]) -> None:
+        """Set what may change in events only: discrete inputs, tunable parameters."""
+        if self._has_events:
+            self.do(self._fmu.enterEventMode)
+        self.set(groups, values)
+        if self._has_events:
             self._update_discrete_states()
 
     def set_slopes(self, references: Sequence[int], slopes: Sequence[float]) -> None:
         """Set the derivatives of real inputs, from now on [1/s]."""
-        self._do(self._fmu.setRealInputDerivatives, references, [1] * len(references), slopes)
+        self.do(self._fmu.setRealInputDerivatives, references, [1] * len(references), slopes)
 
     def step(self, time: float, h: float) -> None:
         """Do a step of length h [s] at a time; `ended` tells whether the FMU ends the run."""
@@ -275,9 +258,9 @@ class Instance:
     def _step_3(self, time: float, h: float) -> None:
         until = time + h
         while not self.ended:
-            needs_event, self.ended, early, reached = self._do(self._fmu.doStep, time, h)
-            if needs_event and self.has_events and not self.ended:
-                self._do(self._fmu.enterEventMode)
+            needs_event, self.ended, early, reached = self.do(self._fmu.doStep, time, h)
+            if needs_event and self._has_events and not self.ended:
+                self.do(self._fmu.enterEventMode)
                 self._update_discrete_states()
             if self.ended or abs(reached - until) <= 1e-9 * max(1.0, abs(until)):
                 return
@@ -300,37 +283,37 @@ class Instance:
 
     def _update_discrete_states(self) -> None:
         for _ in range(_MOST_UPDATES):
-            again, self.ended, *_ = self._do(self._fmu.updateDiscreteStates)
+            again, self.ended, *_ = self.do(self._fmu.updateDiscreteStates)
             if not again or self.ended:
                 break
         else:
             raise FmuError(f"its discrete states change without end ({_MOST_UPDATES} times)")
         if not self.ended:
-            self._do(self._fmu.enterStepMode)
+            self.do(self._fmu.enterStepMode)
 
     def save(self) -> bytes:
         """Return its state, packed: those of Dymola are a megabyte of zeros."""
-        state = self._do(self._fmu.getFMUState)
+        state = self.do(self._fmu.getFMUState)
         try:
-            return zlib.compress(self._do(self._fmu.serializeFMUState, state), 1)
+            return zlib.compress(self.do(self._fmu.serializeFMUState, state), 1)
         finally:
-            self._do(self._fmu.freeFMUState, state)
+            self.do(self._fmu.freeFMUState, state)
 
     def restore(self, saved: bytes) -> None:
         """Take a state that `save` returned."""
         fmu = self._fmu
         take = fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUstate
-        state = self._do(take, zlib.decompress(saved))
+        state = self.do(take, zlib.decompress(saved))
         try:
-            self._do(fmu.setFMUState, state)
+            self.do(fmu.setFMUState, state)
         finally:
-            self._do(fmu.freeFMUState, state)
+            self.do(fmu.freeFMUState, state)
 
     def close(self) -> None:
         """End the instance, and remove what was unpacked."""
         try:
             if self._may_terminate:
-                self._do(self._fmu.terminate)
+                self.do(self._fmu.terminate)
         except FmuError as exc:
             print(f"at its end: {exc}")  # noqa: T201  (to its log)
         finally:
@@ -339,7 +322,8 @@ class Instance:
             self._fmu, self._may_terminate = None, False
             shutil.rmtree(self._folder, ignore_errors=True)
 
-    def _do(self, call: Any, *args: Any) -> Any:
+    def do(self, call: Any, *args: Any) -> Any:
+        """Return what a call returns; raises FmuError that has what the FMU logged last."""
         try:
             return call(*args)
         except FMICallException as exc:
@@ -356,13 +340,9 @@ class Instance:
         """Return a text, with what the FMU logged last."""
         return f"{text}: {'; '.join(self._lines)}" if self._lines else text
 
-    def _log_2(self, _env: Any, _name: bytes, status: int, category: bytes, text: bytes) -> None:
-        self._log(status, category, text)
-
-    def _log_3(self, _env: Any, status: int, category: bytes, text: bytes) -> None:
-        self._log(status, category, text)
-
-    def _log(self, status: int, category: bytes | None, text: bytes | None) -> None:
+    def _log(self, *said: Any) -> None:
+        # FMI 2 says the name of the instance, too.
+        status, category, text = said[-3:]
         name = _STATUS[status] if 0 <= status < len(_STATUS) else str(status)
         line = (text or b"").decode(errors="replace").strip()
         print(f"[{name}] {(category or b'').decode(errors='replace')}: {line}", flush=True)  # noqa: T201

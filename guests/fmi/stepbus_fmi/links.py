@@ -21,7 +21,7 @@ Place = tuple[str, tuple[int, ...]]
 
 @dataclass(frozen=True)
 class Wire:
-    """One value on its way: port and place in its message → place of an input variable.
+    """One value on its way: port and place in its message → name of an input.
 
     scale: factor and offset. table: value → what the variable gets for it; others stay.
     """
@@ -30,7 +30,7 @@ class Wire:
     field: str
     places: tuple[int, ...]
     variable: Variable
-    index: int
+    target: str
     scale: tuple[float, float]
     table: Mapping[Any, Any]
 
@@ -132,7 +132,9 @@ class Wiring:
             convert = self._units.conversion(unit, item.unit) if link.convert else (1.0, 0.0)
             scale = convert[0] * link.factor, convert[0] * link.offset + convert[1]
             table = dict(link.table)
-            found[item.names[index]] = Wire(port, field, places, item, index, scale, table)
+            found[item.names[index]] = Wire(
+                port, field, places, item, item.names[index], scale, table
+            )
         return found
 
     def _element(self, port: str, what: str, item: Variable, index: int) -> str:

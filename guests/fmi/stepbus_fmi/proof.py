@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +23,12 @@ _STEPS, _PROBED = 10, 2
 _LONGEST_S = 12.0
 
 
-def state_problem(params: Params, start: dict[str, Any], h: float) -> str:
+def state_problem(params: Mapping[str, Any], read: Params, h: float) -> str:
     """Return why the state of an FMU cannot be used in another process; nothing: it can.
 
-    start: the start values, as of the scenario. h: length of a step [s]. It starts two processes.
+    params: of the participant, as the scenario has them, and as read. h: length of a step [s].
     """
-    question = {
-        "params": {"fmu": str(params.fmu), "inside": params.inside, "start": start},
-        "event_mode": params.event_mode,
-        "start_time": params.start_time,
-        "h": h,
-    }
+    question = {"params": {**params, "fmu": str(read.fmu)}, "h": h}
     try:
         # One that crashes leaves what it has unpacked.
         with tempfile.TemporaryDirectory(prefix="stepbus-fmu-", dir=scratch_folder()) as folder:
@@ -63,26 +59,22 @@ def _main() -> None:
     # The process that asks has them already, or needs none.
     from .instance import started  # noqa: PLC0415
     from .model import read_model  # noqa: PLC0415
-    from .participant import by_type  # noqa: PLC0415
     from .start import start_values  # noqa: PLC0415
     from .units import Units  # noqa: PLC0415
 
     asked = json.load(sys.stdin)
-    params = Params.of(
-        {**asked["params"], "event_mode": asked["event_mode"], "start_time": asked["start_time"]},
-        Path(),
-    )
+    params = Params.of(asked["params"], Path())
     model = read_model(params.fmu, params.inside, params.start)
     values = start_values(model, Units(model.description), params.start, Problems())
     instance = started(model, params, values)
-    groups = [group for group, _ in by_type(instance, model.of("output"))]
+    groups = instance.values(model.of("output"))
 
     def go(first: int, count: int) -> list[str]:
         found = []
         for step in range(first, first + count):
             if not instance.ended:
                 instance.step(params.start_time + step * asked["h"], asked["h"])
-            found.append(repr([instance.get(group) for group in groups]))
+            found.append(repr(instance.get(groups)))
         return found
 
     try:

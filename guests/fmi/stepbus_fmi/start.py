@@ -1,6 +1,6 @@
 """Start values as a scenario writes them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -88,9 +88,3 @@ def _number(item: Variable, value: Any, units: Units) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise WiringError(f"{item.name} is a number, not {show(value)}")
     return float(value)
-
-
-def texts(items: Sequence[Variable]) -> str:
-    """Return the names of variables, at most five."""
-    names = [item.name for item in items]
-    return ", ".join(names[:5]) + (" …" if len(names) > 5 else "")
