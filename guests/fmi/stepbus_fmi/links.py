@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from stepbus_participant import Config, Problems
-from stepbus_schemas import Description, WiringError, fields_of, suggest
+from stepbus_schemas import Description, Message, Row, WiringError, fields_of, suggest
 from stepbus_schemas.declaration import class_declaration
 
 from .model import Model, Variable
@@ -47,6 +47,14 @@ class Wire:
         return value if self.scale == (1.0, 0.0) else value * self.scale[0] + self.scale[1]
 
 
+def _rows(cls: type[Message]) -> dict[str, Row]:
+    """Return the fields of a message type; none of one with parts that no declaration can say."""
+    try:
+        return fields_of(class_declaration(cls))
+    except WiringError:
+        return {}
+
+
 class Wiring:
     """Finds the wires of an FMU's inputs, from the descriptions of their sources."""
 
@@ -55,10 +63,7 @@ class Wiring:
     ) -> None:
         self._model = model
         self._units = units
-        self._rows = {
-            port: fields_of(class_declaration(config.types[item.type]))
-            for port, item in config.inputs.items()
-        }
+        self._rows = {port: _rows(config.types[item.type]) for port, item in config.inputs.items()}
         self._described = {port: descriptions.get(port, Description()) for port in config.inputs}
 
     def wires(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import partial
+from math import isfinite
 from typing import Any
 
 from stepbus_participant import Problems
@@ -85,6 +86,6 @@ def _number(item: Variable, value: Any, units: Units) -> float:
             raise WiringError(f"{item.name} has no unit, but {value!r} has one")
         factor, offset = units.conversion(unit.strip(), item.unit)
         return amount * factor + offset
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise WiringError(f"{item.name} is a number, not {show(value)}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise WiringError(f"{item.name} is a finite number, not {show(value)}")
     return float(value)

@@ -89,8 +89,8 @@ class Checkpoints:
         elif not self._is_too_large:
             self._is_too_large = True
             sys.stderr.write(
-                f"step {step}: no checkpoint: the state has {len(state)} bytes, the limit of the "
-                f"bus is {limit}\n"
+                f"warning: step {step}: no checkpoint: the state has {len(state)} bytes, the limit "
+                f"of the bus is {limit}\n"
             )
 
     def restore(self) -> int:
