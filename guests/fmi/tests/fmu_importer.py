@@ -54,7 +54,7 @@ class Fmu:
         return list((self.fmu.getFloat64 if self.is_3 else self.fmu.getReal)(references))
 
     def step(self, index, size=STEP):
-        self.fmu.doStep(index * STEP, size)
+        return self.fmu.doStep(index * STEP, size)
 
     def close(self):
         self.fmu.terminate()
@@ -111,14 +111,13 @@ def coupled(controller, rest, joints, references, steps):
 
 
 def failing(path, starts, steps, inputs):
-    """Return the lines of the log, and the errors: of the start, and of (index, size) each."""
-    fmu, errors = Fmu(path, **starts), []
-    for step in (None, *steps):
-        try:
-            fmu.fmu.exitInitializationMode() if step is None else fmu.step(*step)
-            fmu.set(inputs)
-        except fmpy.fmi1.FMICallException as exc:
-            errors.append(str(exc))
-            if step is None:
-                break
-    return fmu.lines, errors
+    """Return the lines of the log and how it ended: the start, or one of the steps."""
+    fmu = Fmu(path, **starts)
+    try:
+        fmu.fmu.exitInitializationMode()
+        fmu.set(inputs)
+        for step in steps:
+            if (ended := fmu.step(*step)) and ended[1]:
+                return fmu.lines, "terminateSimulation"
+    except fmpy.fmi1.FMICallException as exc:
+        return fmu.lines, str(exc)

@@ -41,8 +41,8 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
         """Return a value as one for each variable; raises RunError for another shape."""
         array = np.array(value, dtype=object)
         if value is None or array.shape != tuple(self.shape):
-            now, where = array.shape, f"{self.owner}.{self.port}.{self.field}"
-            raise RunError(f"{where} is absent, or has shape {now} now, not {tuple(self.shape)}")
+            text = f"{self.owner}.{self.port}.{self.field} is absent, or has shape {array.shape}"
+            raise RunError(f"{text} now, not {tuple(self.shape)}")
         entries: list[Any] = array.ravel().tolist()
         return entries
 
@@ -100,41 +100,40 @@ def port_rows(source: Port, prefix: str, lost: list[str], **given: Any) -> Itera
     prefix: of the names. given: further attributes. Raises WiringError for an input that the
     variables do not suffice for.
     """
-    first = next(iter(source.entries()), None)
-    message = None if first is None else Decoder(source.message_class)(first.data)
-    _, parts = msgspec.json.schema_components([source.message_class], ref_template="{name}")
-    schema = parts[source.message_class.__name__]
+    first, cls = next(iter(source.entries()), None), source.message_class
+    message = None if first is None else Decoder(cls)(first.data)
+    schema = msgspec.json.schema_components([cls], ref_template="{name}")[1][cls.__name__]
     for name, node in schema["properties"].items():
-        try:
-            value, parts = getattr(message, name, None), (prefix, given["port"], name)
-            yield Row(field=name, **_form(source, name, node, value, parts), **given)
-        except ValueError as exc:
-            lost.append(f"{given['owner']}.{given['port']}.{name}: {exc}")
+        array = np.array(getattr(message, name, None), dtype=object)
+        if why := _why_not(node, array):
+            lost.append(f"{given['owner']}.{given['port']}.{name}: {why}")
             if name in schema.get("required", ()) and given["causality"] == "input":
-                text = f"{lost[-1]}; {source.type} requires it, so it is no FMU"
-                raise WiringError(text) from exc
+                raise WiringError(f"{lost[-1]}; {source.type} requires it, so it is no FMU")
+            continue
+        labels = source.names if "n" in node.get("shape", ())[:1] else ()
+        names = _variables(
+            (prefix, given["port"], name), node.get("description", ""), array.shape, labels
+        )
+        kind = _KINDS[type(array.flat[0])]
+        yield Row(
+            field=name,
+            kind=kind,
+            shape=array.shape,
+            variables=list(names),
+            unit=source.units.get(name, node.get("unit", "")) if kind == "Real" else "",
+            start=array.ravel().tolist(),
+            **given,
+        )
 
 
-def _form(
-    source: Port, name: str, node: Any, value: Any, parts: Sequence[str]
-) -> Mapping[str, Any]:
-    """Return what a row has of a field; raises ValueError with the reason why it has none."""
-    sizes, array = node.get("shape", ["k"]), np.array(value, dtype=object)
-    if array.shape and not all(size == "n" or size.isdecimal() for size in sizes):
-        raise ValueError("a list of any length")
-    if value is None or not array.size:
-        raise ValueError("absent in the first message")
-    kind = _KINDS.get(type(array.flat[0]))
-    if kind is None:
-        raise ValueError(f"FMI has no variable for {type(array.flat[0]).__name__}")
-    labels = source.names if sizes[0] == "n" else ()
-    return {
-        "kind": kind,
-        "shape": array.shape,
-        "variables": list(_variables(parts, node.get("description", ""), array.shape, labels)),
-        "unit": source.units.get(name, node.get("unit", "")) if kind == "Real" else "",
-        "start": array.ravel().tolist(),
-    }
+def _why_not(node: Any, array: Any) -> str:
+    """Return why a field has no variables; empty where it has."""
+    if array.shape and not all(s == "n" or s.isdecimal() for s in node.get("shape", ["k"])):
+        return "a list of any length"
+    if not array.size or array.flat[0] is None:
+        return "absent in the first message"
+    kind = type(array.flat[0])
+    return "" if kind in _KINDS else f"FMI has no variable for {kind.__name__}"
 
 
 def parameter_rows(spec: ParticipantSpec, folder: Path, prefix: str) -> Iterator[Row]:

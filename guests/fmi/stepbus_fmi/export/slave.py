@@ -22,8 +22,7 @@ from stepbus_schemas import Description, Message, RunError
 from .interface import PARAMS, Interface, Played, Row
 
 FILE = "interface.json"
-_TYPES_3 = {"Real": "Float64", "Integer": "Int64"}
-_INT32 = 2**31
+_TYPES_3 = {"Real": "Float64", "Integer": "Int64", "Boolean": "Boolean", "String": "String"}
 KEPT: list[Any] = []
 """The modules of FMUs: pythonfmu 0.7 executes them for each instance, and releases what it does not
 own; the second instance found an empty module."""
@@ -32,9 +31,7 @@ own; the second instance found an empty module."""
 class Importer(Participant):
     """The participant in whose place the importer is; it waits for the next `doStep`."""
 
-    def __init__(
-        self, config: Config, answer: Callable[[Step], Any], played: Mapping[str, Played]
-    ) -> None:
+    def __init__(self, config: Config, answer: Any, played: Mapping[str, Played]) -> None:
         super().__init__(config)
         self.update = answer  # type: ignore[method-assign]
         self.described = {port: row.description for port, row in played.items()}
@@ -65,28 +62,27 @@ class Exported:
         self.default_experiment = self.library.DefaultExperiment(
             start_time=0.0, stop_time=own.duration_s, step_size=own.step_ns * 1e-9
         )
-        enums, version = self.library.enums, 3 if self._is_3 else 2
-        causalities = getattr(enums, f"Fmi{version}Causality")
-        variabilities = getattr(enums, f"Fmi{version}Variability")
         self._places: list[tuple[Row, slice]] = []
         for row in own.rows:
             first = len(self._values)
             self._values += row.start
             self._places.append((row, slice(first, len(self._values))))
-            kind = _TYPES_3.get(row.kind, row.kind) if self._is_3 else row.kind
-            make = getattr(self.library, kind)
+            make = getattr(self.library, _TYPES_3[row.kind] if self._is_3 else row.kind)
             varies = "continuous" if row.kind == "Real" else "discrete"
             varies = "fixed" if row.causality == "parameter" else varies
             for index, (name, text) in enumerate(row.variables, first):
                 variable = make(
                     name,
                     description=text,
-                    causality=causalities[row.causality],
-                    variability=variabilities[varies],
+                    causality=self._enum("Causality")[row.causality],
+                    variability=self._enum("Variability")[varies],
                     getter=partial(self._values.__getitem__, index),
                     setter=partial(self._values.__setitem__, index),
                 )
                 self.register_variable(variable, nested=False)
+
+    def _enum(self, name: str) -> Any:
+        return getattr(self.library.enums, f"Fmi{3 if self._is_3 else 2}{name}")
 
     def _messages(self, index: int) -> Mapping[str, Message]:
         """Return what the importer publishes at a step, by port."""
@@ -104,7 +100,7 @@ class Exported:
             message = messages.get((row.owner, row.port)) if row.causality == "output" else None
             if message is not None:
                 values = row.flat(getattr(message, row.field))
-                if row.kind == "Integer" and not self._is_3 and max(map(abs, values)) >= _INT32:
+                if row.kind == "Integer" and not self._is_3 and max(map(abs, values)) >= 2**31:
                     raise RunError(f"{row.owner}.{row.port}.{row.field} is beyond FMI 2's 32 bits")
                 self._values[place] = values
 
@@ -114,7 +110,7 @@ class Exported:
         """Return the model description, with what the libraries leave out; without the time."""
         root: Element = super().to_xml(*given)  # type: ignore[misc]
         del root.attrib["generationDateAndTime"]
-        units, variables = dict[str, None](), root.find("ModelVariables")
+        variables, definitions = root.find("ModelVariables"), Element("UnitDefinitions")
         rows = [row for row in self._interface.rows for _ in row.start]
         for row, node, start in zip(rows, variables or (), self._values, strict=False):
             typed = node if self._is_3 else node[0]
@@ -122,15 +118,14 @@ class Exported:
             if row.kind == "Real" and row.causality in {"input", "parameter"}:
                 typed.set("start", repr(start) if math.isfinite(start) else "0.0")
             if row.unit:
-                units[row.unit] = None
                 typed.set("unit", row.unit)
         outputs = root.find("ModelStructure/Outputs")
         if outputs is not None:
             SubElement(root[-1], "InitialUnknowns").extend(outputs)
-        if units:
-            root.insert(1, Element("UnitDefinitions"))
-            for unit in units:
-                SubElement(root[1], "Unit", name=unit)
+        for unit in dict.fromkeys(row.unit for row in rows if row.unit):
+            SubElement(definitions, "Unit", name=unit)
+        if len(definitions):
+            root.insert(1, definitions)
         return root
 
     def exit_initialization_mode(self) -> None:

@@ -54,13 +54,11 @@ def exportfmu_command(given: ExportFmu) -> Answer:
         rows, played = _ports(given, scenario, recording, lost)
         inside, importer = _with_importer(given, scenario, played, rows)
         InProcess(instead="an FMU has all in one process").check(inside)
-        source.mkdir()
         sources = Sources(resolved(inside).encode(), read_files(inside.files))
         path = sources.unpack(source / "scenario").relative_to(source)
-        what = f"{given.participant} of the scenario " if given.participant else "the scenario "
         interface = Interface(
             scenario=str(path),
-            text=f"{what}{scenario.name}; needs a Python with stepbus",
+            text=f"{given.participant or 'all'} of {scenario.name}; needs a Python with stepbus",
             step_ns=scenario.step_ns,
             duration_s=scenario.steps and scenario.steps * scenario.step_ns * 1e-9,
             importer=importer,
@@ -68,9 +66,8 @@ def exportfmu_command(given: ExportFmu) -> Answer:
             rows=rows,
         )
         _build(given, library, source, msgspec.json.encode(interface))
-    variables = [row.causality for row in rows for _ in row.start]
-    counts = [f"{variables.count(side)} {side}s" for side in ("input", "output", "parameter")]
-    text = f"{given.out}: FMI {given.fmi}.0, {', '.join(counts)}"
+    count = sum(len(row.start) for row in rows)
+    text = f"{given.out}: FMI {given.fmi}.0, {count} variables"
     return Answer(value=None, lines=[text, *(f"left out: {line}" for line in lost)])
 
 
@@ -85,8 +82,7 @@ def _check(given: ExportFmu, scenario: Scenario) -> None:
     names = [spec.name for spec in scenario.participants]
     for name in filter(None, (given.participant, given.input)):
         if name not in names:
-            known = f"{suggest(name, names)}; it has {', '.join(names)}"
-            raise WiringError(f"{scenario.name} has no participant {name!r}{known}")
+            raise WiringError(f"no participant {name!r} in {scenario.name}{suggest(name, names)}")
 
 
 def _ports(
@@ -106,11 +102,9 @@ def _ports(
             if origin.outputs[output].bulk:
                 lost.append(f"{spec.name}.{port}: a bulk port")
                 continue
-            recorded, own = (
-                recording.ports[f"{source}/{output}"],
-                {"owner": spec.name, "port": port},
-            )
-            rows += port_rows(recorded, prefix, lost, causality=causality, **own)
+            recorded = recording.ports[f"{source}/{output}"]
+            own = {"causality": causality, "owner": spec.name, "port": port}
+            rows += port_rows(recorded, prefix, lost, **own)
             if causality == "input":
                 described, names = recorded.description, list(recorded.names)
                 played[port] = Played(
@@ -144,18 +138,17 @@ def _with_importer(
         "outputs": {port: item.type for port, item in played.items()},
     }
     inside = load({**content, "participants": people}, folder=scenario.folder)
-    late = {importer}
-    for _ in people:
-        late |= {
-            spec.name
-            for spec in inside.participants
-            if spec.publishes != "first"
-            and any(i.source in late and i.delay == 0 for i in spec.inputs.values())
-        }
-    seen = sorted({(row.owner, row.port) for row in rows if row.causality == "output"})
+
+    def is_late(name: str) -> bool:
+        spec = inside.participant(name)
+        sources = [item.source for item in spec.inputs.values() if item.delay == 0]
+        return name == importer or (spec.publishes != "first" and any(map(is_late, sources)))
+
     ports = {
-        f"i{number}": InputSpec(from_=".".join(key), delay=int(key[0] in late))
-        for number, key in enumerate(seen)
+        f"i{number}": InputSpec(from_=f"{name}.{port}", delay=int(is_late(name)))
+        for number, (name, port) in enumerate(
+            sorted({(row.owner, row.port) for row in rows if row.causality == "output"})
+        )
     }
     return inside.changed([importer], inputs=ports), importer
 
