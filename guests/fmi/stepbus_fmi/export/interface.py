@@ -48,10 +48,9 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Played(msgspec.Struct, frozen=True, kw_only=True):
-    """A port that the importer plays. type: of its messages.
+    """A port that the importer plays: messages of a type; what its source says of it.
 
-    description: what its source says of it. every: of that. delay: of who reads it, which works
-    at each `reads`-th step.
+    every: of the source. delay: of who reads it, which works at each `reads`-th step.
     """
 
     type: str
@@ -62,16 +61,14 @@ class Played(msgspec.Struct, frozen=True, kw_only=True):
 
     def is_due(self, index: int) -> bool:
         """Return whether a message is new at a step, as it would be in a run."""
-        due = due_step(index, self.delay, self.every)
-        is_read = index % self.reads == 0
-        return is_read and due >= 0 and due != due_step(index - self.reads, self.delay, self.every)
+        due, before = (due_step(i, self.delay, self.every) for i in (index, index - self.reads))
+        return index % self.reads == 0 <= due != before
 
 
 class Interface(msgspec.Struct, frozen=True, kw_only=True):
-    """An FMU, as its resources hold it.
+    """An FMU, as its resources hold it: the scenario is a path there.
 
-    scenario: path of the scenario there. text: what the FMU is. importer: the participant in whose
-    place its importer is. played: its outputs.
+    importer: the participant in whose place its importer is. played: its outputs.
     """
 
     scenario: str
@@ -95,10 +92,10 @@ def _variables(
 
 
 def port_rows(source: Port, prefix: str, lost: list[str], **given: Any) -> Iterator[Row]:
-    """Yield a row for each field of the first message of a recorded port; the others are `lost`.
+    """Yield a row for each field of a port's first message; say in `lost` why others have none.
 
-    prefix: of the names. given: further attributes. Raises WiringError for an input that the
-    variables do not suffice for.
+    prefix: of the names. given: further attributes. Raises WiringError for a lost input that is
+    required.
     """
     first, cls = next(iter(source.entries()), None), source.message_class
     message = None if first is None else Decoder(cls)(first.data)
@@ -111,15 +108,13 @@ def port_rows(source: Port, prefix: str, lost: list[str], **given: Any) -> Itera
                 raise WiringError(f"{lost[-1]}; {source.type} requires it, so it is no FMU")
             continue
         labels = source.names if "n" in node.get("shape", ())[:1] else ()
-        names = _variables(
-            (prefix, given["port"], name), node.get("description", ""), array.shape, labels
-        )
+        parts, text = (prefix, given["port"], name), node.get("description", "")
         kind = _KINDS[type(array.flat[0])]
         yield Row(
             field=name,
             kind=kind,
             shape=array.shape,
-            variables=list(names),
+            variables=list(_variables(parts, text, array.shape, labels)),
             unit=source.units.get(name, node.get("unit", "")) if kind == "Real" else "",
             start=array.ravel().tolist(),
             **given,

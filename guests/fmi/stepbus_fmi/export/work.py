@@ -131,12 +131,10 @@ def _with_importer(
     people, one = content["participants"], given.participant
     importer = given.input or next(n for n in ("importer", "fmu", "host") if n not in people)
     if one:
-        inputs = {port: f"{importer}.{port}" for port in played}
-        people = {one: {**people[one], "inputs": inputs}}
-    people[importer] = {
-        "participant": f"{Importer.__module__}:{Importer.__name__}",
-        "outputs": {port: item.type for port, item in played.items()},
-    }
+        people = {one: people[one] | {"inputs": {port: f"{importer}.{port}" for port in played}}}
+    outputs = {port: item.type for port, item in played.items()}
+    name = f"{Importer.__module__}:{Importer.__name__}"
+    people[importer] = {"participant": name, "outputs": outputs}
     inside = load({**content, "participants": people}, folder=scenario.folder)
 
     def is_late(name: str) -> bool:
@@ -144,13 +142,12 @@ def _with_importer(
         sources = [item.source for item in spec.inputs.values() if item.delay == 0]
         return name == importer or (spec.publishes != "first" and any(map(is_late, sources)))
 
-    ports = {
+    shown = sorted({(row.owner, row.port) for row in rows if row.causality == "output"})
+    inputs = {
         f"i{number}": InputSpec(from_=f"{name}.{port}", delay=int(is_late(name)))
-        for number, (name, port) in enumerate(
-            sorted({(row.owner, row.port) for row in rows if row.causality == "output"})
-        )
+        for number, (name, port) in enumerate(shown)
     }
-    return inside.changed([importer], inputs=ports), importer
+    return inside.changed([importer], inputs=inputs), importer
 
 
 def _build(given: ExportFmu, library: Any, source: Path, content: bytes) -> None:
