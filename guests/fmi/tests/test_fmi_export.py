@@ -51,32 +51,33 @@ def export(scenario, out, *participant, **given):
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    out = tmp_path_factory.mktemp("run") / "run"
-    assert not stepbus.run("two_link/pd", set=[f"duration={STEPS * 5}ms"], out=out).exit_code
-    return stepbus.Recording(out)
-
-
-@pytest.fixture(scope="module")
-def slow(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("half")
+def folder(tmp_path_factory):
+    """Return a folder with a scenario, and the runs `pd` and `half`."""
+    folder = tmp_path_factory.mktemp("runs")
     (folder / "half.py").write_text(HALF)
     (folder / "scenario.yaml").write_text(HALF_SCENARIO)
-    assert not stepbus.run(folder / "scenario.yaml", out=folder / "run").exit_code
+    assert not stepbus.run(folder / "scenario.yaml", out=folder / "half").exit_code
+    duration = [f"duration={STEPS * 5}ms"]
+    assert not stepbus.run("two_link/pd", set=duration, out=folder / "pd").exit_code
     return folder
 
 
+@pytest.fixture(scope="module")
+def recording(folder):
+    return stepbus.Recording(folder / "pd")
+
+
 @pytest.fixture(scope="module", params=["2", "3"])
-def got(request, recording, slow, tmp_path_factory):
+def got(request, recording, folder, tmp_path_factory):
     """Return what FMPy makes of the FMUs of one version, by name."""
-    folder, fmi = tmp_path_factory.mktemp("fmus"), request.param
-    controller, whole, rest, half = (folder / f"{name}.fmu" for name in ("a", "b", "c", "d"))
+    fmus, fmi = tmp_path_factory.mktemp("fmus"), request.param
+    controller, whole, rest, half = (fmus / f"{name}.fmu" for name in ("a", "b", "c", "d"))
     text = export("two_link/pd", controller, "controller", fmi=fmi)
     assert f"a.fmu: FMI {fmi}.0, 2" in text
     assert "left out: controller.status.warnings: a list of any length" in text
     export("two_link/pd", whole, fmi=fmi)
     export("two_link/pd", rest, fmi=fmi, input="controller")
-    export(slow / "scenario.yaml", half, "half", fmi=fmi)
+    export(folder / "scenario.yaml", half, "half", fmi=fmi)
     ports = {
         "joint_state": recording["plant.joint_state"],
         "reference": recording["mission.reference"],
@@ -86,28 +87,22 @@ def got(request, recording, slow, tmp_path_factory):
         for name in (*STATES, *WANTED)
     }
     positions = ["plant.joint_state.position[1]", "plant.joint_state.position[2]"]
-    nan = {"joint_state.position[1]": float("nan")}
-    found = importer.apart(
-        {
-            "problems": (importer.problems, [controller, whole, rest, half]),
-            "controller": (importer.simulated, controller, inputs, VALUES),
-            "whole": (importer.simulated, whole, {}, positions),
-            "coupled": (importer.coupled, controller, rest, STATES, WANTED, STEPS),
-            "half": (
-                importer.simulated,
-                half,
-                {"signal.values[1]": np.zeros(20)},
-                ["out.values[1]", "out.values[2]"],
-            ),
-            "variables": (importer.variables, [controller, whole, rest]),
-            "long step": (importer.failing, controller, {}, [(0, 0.01)], {}),
-            "later step": (importer.failing, controller, {}, [(0,), (3,)], {}),
-            "nan": (importer.failing, controller, {}, [(0,)], nan),
-            "parameter": (importer.failing, controller, {"params.kp": -1.0}, [], {}),
-            "end": (importer.failing, half, {}, [(index,) for index in range(100)], {}),
-        }
-    )
-    return found | {"version": fmi}
+    zero, outs = {"signal.values[1]": np.zeros(20)}, ["out.values[1]", "out.values[2]"]
+    failing = importer.failing
+    calls = {
+        "problems": (importer.problems, [controller, whole, rest, half]),
+        "controller": (importer.simulated, controller, inputs, VALUES),
+        "whole": (importer.simulated, whole, {}, positions),
+        "coupled": (importer.coupled, controller, rest, STATES, WANTED, STEPS),
+        "half": (importer.simulated, half, zero, outs),
+        "variables": (importer.variables, [controller, whole, rest]),
+        "long step": (failing, controller, {}, [(0, 0.01)], {}),
+        "later step": (failing, controller, {}, [(0,), (3,)], {}),
+        "nan": (failing, controller, {}, [(0,)], {"joint_state.position[1]": float("nan")}),
+        "parameter": (failing, controller, {"params.kp": -1.0}, [], {}),
+        "end": (failing, half, {}, [(index,) for index in range(100)], {}),
+    }
+    return importer.apart(calls) | {"version": fmi}
 
 
 def test_fmpy_finds_the_fmus_valid(got):
@@ -129,8 +124,8 @@ def test_a_controller_and_the_rest_are_the_run(got, recording):
     assert np.array_equal(got["coupled"], recording["plant.joint_state"].position[:STEPS])
 
 
-def test_every_and_new_messages_are_those_of_a_run(got, slow):
-    wanted = stepbus.Recording(slow / "run")["half.out"].values
+def test_every_and_new_messages_are_those_of_a_run(got, folder):
+    wanted = stepbus.Recording(folder / "half")["half.out"].values
     assert np.array_equal(got["half"][1::2], wanted)
     assert np.array_equal(got["half"][2::2], wanted)
 

@@ -47,7 +47,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
         return entries
 
 
-class Played(msgspec.Struct, frozen=True, kw_only=True):
+class Played(msgspec.Struct, frozen=True):
     """A port that the importer plays: messages of a type; what its source says of it.
 
     every: of the source. delay: of who reads it, which works at each `reads`-th step.

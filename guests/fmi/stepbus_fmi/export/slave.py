@@ -17,7 +17,7 @@ from stepbus_orchestrator.errors import RunFailure, ScenarioError
 from stepbus_orchestrator.run.episode import Episode
 from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Config, Participant, Step
-from stepbus_schemas import Description, Message, RunError
+from stepbus_schemas import Message, RunError
 
 from .interface import PARAMS, Interface, Played, Row
 
@@ -33,12 +33,8 @@ class Importer(Participant):
 
     def __init__(self, config: Config, answer: Any, played: Mapping[str, Played]) -> None:
         super().__init__(config)
-        self.update = answer  # type: ignore[method-assign]
-        self.described = {port: row.description for port, row in played.items()}
-
-    def describe(self) -> Mapping[str, Description]:
-        """Return what the sources in this place say."""
-        return self.described
+        described = {port: row.description for port, row in played.items()}
+        self.update, self.describe = answer, lambda: described  # type: ignore[method-assign]
 
 
 class Exported:
@@ -68,8 +64,8 @@ class Exported:
             self._values += row.start
             self._places.append((row, slice(first, len(self._values))))
             make = getattr(self.library, _TYPES_3[row.kind] if self._is_3 else row.kind)
-            varies = "continuous" if row.kind == "Real" else "discrete"
-            varies = "fixed" if row.causality == "parameter" else varies
+            is_fixed, is_real = row.causality == "parameter", row.kind == "Real"
+            varies = "fixed" if is_fixed else "continuous" if is_real else "discrete"
             for index, (name, text) in enumerate(row.variables, first):
                 variable = make(
                     name,
@@ -99,10 +95,9 @@ class Exported:
         for row, place in self._places:
             message = messages.get((row.owner, row.port)) if row.causality == "output" else None
             if message is not None:
-                values = row.flat(getattr(message, row.field))
+                self._values[place] = values = row.flat(getattr(message, row.field))
                 if row.kind == "Integer" and not self._is_3 and max(map(abs, values)) >= 2**31:
                     raise RunError(f"{row.owner}.{row.port}.{row.field} is beyond FMI 2's 32 bits")
-                self._values[place] = values
 
     # --- what the libraries call --------------------------------------------------------------
 
@@ -114,7 +109,6 @@ class Exported:
         rows = [row for row in self._interface.rows for _ in row.start]
         for row, node, start in zip(rows, variables or (), self._values, strict=False):
             typed = node if self._is_3 else node[0]
-            # XML Schema has no word of Python's for what is not finite.
             if row.kind == "Real" and row.causality in {"input", "parameter"}:
                 typed.set("start", repr(start) if math.isfinite(start) else "0.0")
             if row.unit:

@@ -93,30 +93,23 @@ def _ports(
     for spec in scenario.participants if not one else [scenario.participant(one)]:
         prefix, is_played = "" if one else spec.name, spec.name == given.input
         rows += () if is_played else parameter_rows(spec, scenario.folder, prefix)
-        inputs = spec.inputs.items() if one else ()
-        sources = [("input", port, i.source, i.port, i.delay, spec.every) for port, i in inputs]
-        side = "input" if is_played else "output"
-        sources += [(side, port, spec.name, port, 0, 1) for port in spec.outputs]
-        for causality, port, source, output, delay, reads in sources:
-            origin = scenario.participant(source)
-            if origin.outputs[output].bulk:
+        side, inputs = "input" if is_played else "output", spec.inputs.items() if one else ()
+        ports = [("input", port, i.source, i.port, i.delay, spec.every) for port, i in inputs]
+        ports += [(side, port, spec.name, port, 0, 1) for port in spec.outputs]
+        for causality, port, source, output, delay, reads in ports:
+            if scenario.participant(source).outputs[output].bulk:
                 lost.append(f"{spec.name}.{port}: a bulk port")
                 continue
             recorded = recording.ports[f"{source}/{output}"]
             own = {"causality": causality, "owner": spec.name, "port": port}
             rows += port_rows(recorded, prefix, lost, **own)
             if causality == "input":
-                described, names = recorded.description, list(recorded.names)
-                played[port] = Played(
-                    type=recorded.type,
-                    description=msgspec.structs.replace(described, names=names, like=None),
-                    every=origin.every,
-                    delay=delay,
-                    reads=reads,
-                )
+                named, every = list(recorded.names), scenario.participant(source).every
+                text = msgspec.structs.replace(recorded.description, names=named, like=None)
+                played[port] = Played(recorded.type, text, every, delay, reads)
     if given.fmi == "3":
-        time = {"field": "time", "kind": "Real", "unit": "s", "start": [0.0]}
-        rows.append(Row(causality="independent", variables=[("time", "")], **time))
+        time = {"field": "time", "variables": [("time", "")], "unit": "s", "start": [0.0]}
+        rows.append(Row(causality="independent", kind="Real", **time))
     return rows, played
 
 
