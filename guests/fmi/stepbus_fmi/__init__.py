@@ -1,17 +1,20 @@
 """FMUs (Functional Mock-up Interface 2.0 and 3.0, co-simulation) take part in runs.
 
-Everything but the parameters is imported when it is first used: FMPy takes 0.6 s.
+Everything is imported when it is first used: the help of the commands loads this package.
 """
 
-from typing import TYPE_CHECKING
-
-from stepbus_participant import imported_later
-
-from .params import Params
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .params import Params
     from .participant import Fmu
 
 __all__ = ["Fmu", "Params"]
 
-__getattr__ = imported_later(__name__, {"Fmu": "participant"})
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = import_module(".participant" if name == "Fmu" else ".params", __name__)
+    return getattr(module, name)

@@ -11,10 +11,14 @@ from fmpy.validation import validate_fmu
 STEP = 0.005
 
 
-def apart(function, *args):
-    """Return what a function of this module returns in a new process."""
+def apart(calls):
+    """Return what functions of this module return in a new process. calls: name → it, arguments."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(function, *args).result(timeout=240)
+        return pool.submit(_results, calls).result(timeout=240)
+
+
+def _results(calls):
+    return {name: function(*args) for name, (function, *args) in calls.items()}
 
 
 class Fmu:
@@ -50,35 +54,26 @@ class Fmu:
         return list((self.fmu.getFloat64 if self.is_3 else self.fmu.getReal)(references))
 
     def step(self, index, size=STEP):
-        self.fmu.doStep(index * STEP, size)
-
-    def state(self):
-        fmu = self.fmu
-        got = fmu.getFMUState() if self.is_3 else fmu.getFMUstate()
-        return fmu.serializeFMUState(got) if self.is_3 else fmu.serializeFMUstate(got)
-
-    def restore(self, state):
-        fmu = self.fmu
-        if self.is_3:
-            fmu.setFMUState(fmu.deserializeFMUState(state))
-        else:
-            fmu.setFMUstate(fmu.deSerializeFMUstate(state))
+        return self.fmu.doStep(index * STEP, size)
 
     def close(self):
         self.fmu.terminate()
         self.fmu.freeInstance()
 
 
-def validated(path):
-    return validate_fmu(str(path))
+def problems(paths):
+    return [problem for path in paths for problem in validate_fmu(str(path))]
 
 
-def variables(path):
-    description = fmpy.read_model_description(str(path))
-    return {
-        v.name: (v.causality, v.type, v.unit, v.start, v.description)
-        for v in description.modelVariables
-    }
+def variables(paths):
+    """Return for each FMU: variable → causality, type, unit, start value, description."""
+    return [
+        {
+            v.name: (v.causality, v.type, v.unit, v.start, v.description)
+            for v in fmpy.read_model_description(str(path)).modelVariables
+        }
+        for path in paths
+    ]
 
 
 def simulated(path, rows, names):
@@ -115,37 +110,14 @@ def coupled(controller, rest, joints, references, steps):
     return positions
 
 
-def branched(path, rows, outputs, at):
-    """Return a state, the outputs from there on, and those of a second instance with the state."""
-    answers, state = [], None
-    for number in range(2):
-        fmu = Fmu(path)
-        flags = fmu.description.coSimulation
-        assert (flags.canGetAndSetFMUstate, flags.canSerializeFMUstate) == (True, True)
-        fmu.fmu.exitInitializationMode()
-        if number:
-            fmu.restore(state)
-        answers.append([])
-        for index in range(at if number else 0, len(next(iter(rows.values())))):
-            if index == at and not number:
-                state = fmu.state()
-            fmu.set({name: values[index] for name, values in rows.items()})
-            fmu.step(index)
-            if index >= at:
-                answers[-1].append(fmu.get(outputs))
-        fmu.close()
-    return answers
-
-
 def failing(path, starts, steps, inputs):
-    """Return the lines of the log, and the errors: of the start, and of (index, size) each."""
-    fmu, errors = Fmu(path, **starts), []
-    for step in (None, *steps):
-        try:
-            fmu.fmu.exitInitializationMode() if step is None else fmu.step(*step)
-            fmu.set(inputs)
-        except fmpy.fmi1.FMICallException as exc:
-            errors.append(str(exc))
-            if step is None:
-                break
-    return fmu.lines, errors
+    """Return the lines of the log and how it ended: the start, or one of the steps."""
+    fmu = Fmu(path, **starts)
+    try:
+        fmu.fmu.exitInitializationMode()
+        fmu.set(inputs)
+        for step in steps:
+            if (ended := fmu.step(*step)) and ended[1]:
+                return fmu.lines, "terminateSimulation"
+    except fmpy.fmi1.FMICallException as exc:
+        return fmu.lines, str(exc)

@@ -28,7 +28,7 @@ def test_the_overview_has_every_command_in_its_group(capsys, monkeypatch):
     parts = dict(zip(headings, texts, strict=True))
     for command in load_commands():
         assert re.search(
-            rf"^  {command.__name__.lower()} +{summary_of(command)[:20]}",
+            rf"^  {command.word()} +{summary_of(command)[:20]}",
             parts[command.group],
             re.MULTILINE,
         )

@@ -2,13 +2,11 @@
 
 import dataclasses
 import hashlib
-import keyword
 import re
-import shutil
-import sys
-from contextlib import closing
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import msgspec
 
@@ -19,16 +17,18 @@ from stepbus_orchestrator.errors import OutputExists
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.run.folder import read_files, scratch_folder
+from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.ports import InputSpec
 from stepbus_orchestrator.scenario.resolve import resolved
-from stepbus_participant import need
-from stepbus_schemas import Decoder, Message, WiringError, error_text, suggest
+from stepbus_participant import make_folder, need
+from stepbus_participant.parameters import parse_yaml
+from stepbus_schemas import WiringError, suggest
 
-from .interface import Interface, parameter_rows, port_rows
-from .play import One
-from .slave import FILE
+from .interface import Interface, Played, Row, parameter_rows, port_rows
+from .slave import FILE, Importer
 
 _SLAVE = """import {library}
 from stepbus_fmi.export.slave import KEPT, Exported
@@ -46,27 +46,28 @@ def exportfmu_command(given: ExportFmu) -> Answer:
     (library,) = need("stepbus export-fmu", "pythonfmu3" if given.fmi == "3" else "pythonfmu")
     scenario = load(given.scenario, given.set)
     _check(given, scenario)
+    steps = sum(s.every + sum(i.delay for i in s.inputs.values()) for s in scenario.participants)
+    short = dataclasses.replace(scenario, steps=min(steps, scenario.steps or steps), faults=())
     with scratch_folder("export-fmu") as folder, interruptible() as interrupt:
-        longest = [
-            max((s.every, *(i.delay for i in s.inputs.values()))) for s in scenario.participants
-        ]
-        steps = 1 + sum(longest)
-        short = dataclasses.replace(scenario, steps=min(steps, scenario.steps or steps), faults=())
         run(short, Options(out=folder / "run"), interrupt=interrupt).check()
         recording, source, lost = Recording(folder / "run"), folder / "source", list[str]()
-        interface = _interface(given, scenario, recording, lost)
-        source.mkdir()
-        sources = Sources(resolved(scenario).encode(), read_files(scenario.files))
+        rows, played = _ports(given, scenario, recording, lost)
+        inside, importer = _with_importer(given, scenario, played, rows)
+        InProcess(instead="an FMU has all in one process").check(inside)
+        sources = Sources(resolved(inside).encode(), read_files(inside.files))
         path = sources.unpack(source / "scenario").relative_to(source)
-        interface = msgspec.structs.replace(interface, scenario=str(path))
-        if interface.participant and (why := _stateless(scenario, interface, recording)):
-            lost.append(f"its state: {why}")
-        elif interface.participant:
-            interface = msgspec.structs.replace(interface, has_state=True)
-        _build(given, library, source, interface)
-    variables = [row.causality for row in interface.rows for _ in row.start]
-    counts = [f"{variables.count(side)} {side}s" for side in ("input", "output", "parameter")]
-    text = f"{given.out}: FMI {given.fmi}.0, {', '.join(counts)}"
+        interface = Interface(
+            scenario=str(path),
+            text=f"{given.participant or 'all'} of {scenario.name}; needs a Python with stepbus",
+            step_ns=scenario.step_ns,
+            duration_s=scenario.steps and scenario.steps * scenario.step_ns * 1e-9,
+            importer=importer,
+            played=played,
+            rows=rows,
+        )
+        _build(given, library, source, msgspec.json.encode(interface))
+    count = sum(len(row.start) for row in rows)
+    text = f"{given.out}: FMI {given.fmi}.0, {count} variables"
     return Answer(value=None, lines=[text, *(f"left out: {line}" for line in lost)])
 
 
@@ -81,120 +82,84 @@ def _check(given: ExportFmu, scenario: Scenario) -> None:
     names = [spec.name for spec in scenario.participants]
     for name in filter(None, (given.participant, given.input)):
         if name not in names:
-            known = f"; it has {', '.join(names)}"
-            raise WiringError(
-                f"{scenario.name} has no participant {name!r}{suggest(name, names)}{known}"
-            )
-    if given.participant and not scenario.participant(given.participant).participant:
-        raise WiringError(
-            f"{given.participant} is a program of its own; only a class becomes an FMU"
-        )
+            raise WiringError(f"no participant {name!r} in {scenario.name}{suggest(name, names)}")
 
 
-def _interface(
+def _ports(
     given: ExportFmu, scenario: Scenario, recording: Recording, lost: list[str]
-) -> Interface:
-    one = given.participant
-    rows = []
-    for spec in scenario.participants:
-        prefix = () if one else (spec.name,)
-        if one in {"", spec.name} and spec.name != given.input:
-            rows += parameter_rows(spec, scenario.folder, prefix)
-        sides = []
-        if spec.name == one:
-            sides += [("input", port, (i.source, i.port)) for port, i in spec.inputs.items()]
-        if one in {"", spec.name}:
-            side = "input" if spec.name == given.input else "output"
-            sides += [(side, port, (spec.name, port)) for port in spec.outputs]
-        for side, name, source in sides:
-            if scenario.participant(source[0]).outputs[source[1]].bulk:
-                lost.append(f"{spec.name}.{name}: a bulk port")
+) -> tuple[list[Row], dict[str, Played]]:
+    """Return the rows of the FMU, and the ports that its importer plays."""
+    rows, played, one = list[Row](), dict[str, Played](), given.participant
+    for spec in scenario.participants if not one else [scenario.participant(one)]:
+        prefix, is_played = "" if one else spec.name, spec.name == given.input
+        rows += () if is_played else parameter_rows(spec, scenario.folder, prefix)
+        side, inputs = "input" if is_played else "output", spec.inputs.items() if one else ()
+        ports = [("input", port, i.source, i.port, i.delay, spec.every) for port, i in inputs]
+        ports += [(side, port, spec.name, port, 0, 1) for port in spec.outputs]
+        for causality, port, source, output, delay, reads in ports:
+            if scenario.participant(source).outputs[output].bulk:
+                lost.append(f"{spec.name}.{port}: a bulk port")
                 continue
-            port = recording.ports["/".join(source)]
-            own = {"causality": side, "owner": spec.name, "prefix": prefix, "port": name}
-            rows += port_rows(port, lost, **own)
-    names = [name for row in rows for name, _ in row.variables()]
-    if twice := next((name for name in names if names.count(name) > 1), ""):
-        raise WiringError(f"two variables would be named {twice}; rename a port of {one}")
-    what = f"{one} of the scenario {scenario.name}" if one else f"the scenario {scenario.name}"
-    topics = dict[str, str]()
-    if one:
-        ports = scenario.participant(one).inputs.items()
-        topics = {port: f"{item.source}/{item.port}" for port, item in ports}
-    elif given.input:
-        topics = {p: f"{given.input}/{p}" for p in scenario.participant(given.input).outputs}
-    described = {
-        port: msgspec.structs.replace(
-            recording.ports[topic].description, names=list(recording.ports[topic].names), like=None
-        )
-        for port, topic in topics.items()
-    }
-    return Interface(
-        scenario="",
-        text=f"{what}; needs a Python with stepbus, as `stepbus export-fmu` says",
-        step_ns=scenario.step_ns,
-        duration_s=None if scenario.steps is None else scenario.steps * scenario.step_ns * 1e-9,
-        participant=one,
-        played=given.input,
-        described=described,
-        rows=rows,
-    )
+            recorded = recording.ports[f"{source}/{output}"]
+            own = {"causality": causality, "owner": spec.name, "port": port}
+            rows += port_rows(recorded, prefix, lost, **own)
+            if causality == "input":
+                named, every = list(recorded.names), scenario.participant(source).every
+                text = msgspec.structs.replace(recorded.description, names=named, like=None)
+                played[port] = Played(recorded.type, text, every, delay, reads)
+    if given.fmi == "3":
+        time = {"field": "time", "variables": [("time", "")], "unit": "s", "start": [0.0]}
+        rows.append(Row(causality="independent", kind="Real", **time))
+    return rows, played
 
 
-def _stateless(scenario: Scenario, interface: Interface, recording: Recording) -> str:
-    """Return why the state of a participant cannot be saved; empty where it can.
+def _with_importer(
+    given: ExportFmu, scenario: Scenario, played: Mapping[str, Played], rows: list[Row]
+) -> tuple[Scenario, str]:
+    """Return the scenario in which the importer takes part, and its name there.
 
-    It is tried with recorded messages: one that goes on and one that is restored answer equally.
+    It reads all outputs of the FMU; those that need its message of the same step, a step later.
     """
-    name, messages = interface.participant, dict[tuple[str, str], Message]()
-    for port, item in scenario.participant(name).inputs.items():
-        source = recording.ports[f"{item.source}/{item.port}"]
-        for entry in source.entries():
-            messages[name, port] = Decoder(source.message_class)(entry.data)
-    try:
-        with (
-            closing(One(scenario, name, interface.described)) as first,
-            closing(One(scenario, name, interface.described)) as second,
-        ):
-            first.step(0, messages)
-            saved, held = first.save()
-            if saved is None:
-                return "its class does not save it"
-            second.restore(saved, held)
-            for one in (first, second):
-                one.outputs.clear()
-                for index in range(1, 2 * first.config.every + 1):
-                    one.step(index, messages)
-            is_same = (first.outputs, first.save()) == (second.outputs, second.save())
-            return "" if is_same else "one that is restored goes another way"
-    except Exception as exc:  # noqa: BLE001  whatever its class raises
-        return error_text(exc)
+    content = parse_yaml("scenario", resolved(dataclasses.replace(scenario, faults=())))
+    people, one = content["participants"], given.participant
+    importer = given.input or next(n for n in ("importer", "fmu", "host") if n not in people)
+    if one:
+        people = {one: people[one] | {"inputs": {port: f"{importer}.{port}" for port in played}}}
+    outputs = {port: item.type for port, item in played.items()}
+    name = f"{Importer.__module__}:{Importer.__name__}"
+    people[importer] = {"participant": name, "outputs": outputs}
+    inside = load({**content, "participants": people}, folder=scenario.folder)
+
+    def is_late(name: str) -> bool:
+        spec = inside.participant(name)
+        sources = [item.source for item in spec.inputs.values() if item.delay == 0]
+        return name == importer or (spec.publishes != "first" and any(map(is_late, sources)))
+
+    shown = sorted({(row.owner, row.port) for row in rows if row.causality == "output"})
+    inputs = {
+        f"i{number}": InputSpec(from_=f"{name}.{port}", delay=int(is_late(name)))
+        for number, (name, port) in enumerate(shown)
+    }
+    return inside.changed([importer], inputs=inputs), importer
 
 
-def _build(given: ExportFmu, library: Any, source: Path, interface: Interface) -> None:
-    """Let the library make the FMU of a folder of sources."""
-    content = msgspec.json.encode(interface)
+def _build(given: ExportFmu, library: Any, source: Path, content: bytes) -> None:
+    """Let the library make the FMU of a folder of sources; content: the interface."""
     (source / FILE).write_bytes(content)
-    name = re.sub(r"\W", "_", given.out.stem)
-    if not name.isidentifier() or keyword.iskeyword(name):
-        name = f"fmu_{name}"
+    name = re.sub(r"\W", "_", f"fmu_{given.out.stem}")
     # In one process, two modules of a name would be one.
     script = source / f"{name}_{hashlib.sha256(content).hexdigest()[:12]}.py"
     script.write_text(_SLAVE.format(library=library.__name__, fmi=given.fmi, name=name))
-    state = {
-        f"can{verb}FMU{'S' if given.fmi == '3' else 's'}tate": interface.has_state
-        for verb in ("GetAndSet", "Serialize")
-    }
-    path = list(sys.path)
-    try:
-        built = library.FmuBuilder.build_FMU(
-            script,
-            dest=source / "built",
-            project_files=[source / FILE, source / "scenario"],
-            canHandleVariableCommunicationStepSize=False,
-            **state,
-        )
-    finally:
-        sys.path[:] = path
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    shutil.move(built, given.out)
+    built = library.FmuBuilder.build_FMU(
+        script,
+        dest=source / "built",
+        project_files=[source / FILE, source / "scenario"],
+        canHandleVariableCommunicationStepSize=False,
+    )
+    make_folder(given.out.parent)
+    # The same bytes each time: without times, in the order of names.
+    with ZipFile(built) as old, ZipFile(given.out, "x", ZIP_DEFLATED) as new:
+        for info in sorted(old.infolist(), key=lambda info: info.filename):
+            data, info.date_time = old.read(info), (1980, 1, 1, 0, 0, 0)
+            info.external_attr = 0o644 << 16
+            new.writestr(info, data, ZIP_DEFLATED)
