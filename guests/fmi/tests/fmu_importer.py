@@ -8,7 +8,7 @@ import numpy as np
 from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 
-STEP = 0.005
+STEP, STEPS = 0.005, 100
 
 
 def apart(calls):
@@ -24,41 +24,34 @@ def _results(calls):
 class Fmu:
     """One instance, in initialization mode."""
 
-    def __init__(self, path, **starts):
-        folder = fmpy.extract(str(path), unzipdir=str(path) + ".d" + str(id(self)))
-        self.description = description = fmpy.read_model_description(folder)
+    def __init__(self, path, starts=()):
+        folder = fmpy.extract(str(path))
+        description = fmpy.read_model_description(folder)
         self.references = {v.name: v.valueReference for v in description.modelVariables}
         self.lines = []
-
-        def log(*words):
-            self.lines.append(str(words[-1].decode()))
-
-        self.is_3 = description.fmiVersion.startswith("3")
-        self.fmu = instantiate_fmu(
-            folder, description, "CoSimulation", debug_logging=True, logger=log
+        self.fmu = fmu = instantiate_fmu(
+            folder, description, "CoSimulation", debug_logging=True, logger=self.log
         )
-        if self.is_3:
-            self.fmu.enterInitializationMode(startTime=0.0)
-        else:
-            self.fmu.setupExperiment(startTime=0.0)
-            self.fmu.enterInitializationMode()
-        for name, value in starts.items():
-            self.set({name: value})
+        is_3 = description.fmiVersion.startswith("3")
+        self._set, self._get = (
+            (fmu.setFloat64, fmu.getFloat64) if is_3 else (fmu.setReal, fmu.getReal)
+        )
+        if not is_3:
+            fmu.setupExperiment()
+        fmu.enterInitializationMode()
+        self.set(dict(starts))
+
+    def log(self, *words):
+        self.lines.append(words[-1].decode())
 
     def set(self, values):
-        references = [self.references[name] for name in values]
-        (self.fmu.setFloat64 if self.is_3 else self.fmu.setReal)(references, list(values.values()))
+        self._set([self.references[name] for name in values], list(values.values()))
 
     def get(self, names):
-        references = [self.references[name] for name in names]
-        return list((self.fmu.getFloat64 if self.is_3 else self.fmu.getReal)(references))
+        return list(self._get([self.references[name] for name in names]))
 
     def step(self, index, size=STEP):
         return self.fmu.doStep(index * STEP, size)
-
-    def close(self):
-        self.fmu.terminate()
-        self.fmu.freeInstance()
 
 
 def problems(paths):
@@ -68,35 +61,31 @@ def problems(paths):
 def variables(paths):
     """Return for each FMU: variable → causality, type, unit, start value, description."""
     return [
-        {
-            v.name: (v.causality, v.type, v.unit, v.start, v.description)
-            for v in fmpy.read_model_description(str(path)).modelVariables
-        }
-        for path in paths
+        {v.name: (v.causality, v.type, v.unit, v.start, v.description) for v in one.modelVariables}
+        for one in map(fmpy.read_model_description, map(str, paths))
     ]
 
 
 def simulated(path, rows, names):
     """Return the columns of some outputs by FMPy's own loop. rows: name → inputs, a row a step."""
-    stop, signals = 1.0, None
-    if rows:
-        count = len(next(iter(rows.values())))
-        signals = np.zeros(count, dtype=[("time", float), *((name, float) for name in rows)])
-        signals["time"] = np.arange(count) * STEP
-        for name, values in rows.items():
-            signals[name] = values
-        stop = count * STEP
-    result = fmpy.simulate_fmu(str(path), stop_time=stop, output_interval=STEP, input=signals)
+    count = len(next(iter(rows.values()), range(STEPS)))
+    signals = np.zeros(count, dtype=[("time", float), *((name, float) for name in rows)])
+    signals["time"] = np.arange(count) * STEP
+    for name, values in rows.items():
+        signals[name] = values
+    result = fmpy.simulate_fmu(
+        str(path), stop_time=count * STEP, output_interval=STEP, input=signals
+    )
     return np.stack([result[name] for name in names], 1)
 
 
-def coupled(controller, rest, joints, references, steps):
+def coupled(controller, rest, joints, references):
     """Return the joint positions of two FMUs, each of which gets what the other has published."""
     first, second = Fmu(controller), Fmu(rest)
     first.fmu.exitInitializationMode()
     second.fmu.exitInitializationMode()
     positions, values = [], [f"command.values[{i}]" for i in (1, 2)]
-    for index in range(steps):
+    for index in range(STEPS):
         measured = second.get([f"plant.{name}" for name in joints])
         positions.append(measured[:2])
         first.set(dict(zip(joints, measured, strict=True)))
@@ -105,14 +94,12 @@ def coupled(controller, rest, joints, references, steps):
         first.step(index)
         second.set({f"controller.{n}": v for n, v in zip(values, first.get(values), strict=True)})
         second.step(index)
-    first.close()
-    second.close()
     return positions
 
 
 def failing(path, starts, steps, inputs):
     """Return the lines of the log and how it ended: the start, or one of the steps."""
-    fmu = Fmu(path, **starts)
+    fmu = Fmu(path, starts)
     try:
         fmu.fmu.exitInitializationMode()
         fmu.set(inputs)

@@ -20,7 +20,7 @@ PARAMS = "params"
 _KINDS = {float: "Real", int: "Integer", bool: "Boolean", str: "String"}
 
 
-class Row(msgspec.Struct, frozen=True, kw_only=True):
+class Row(msgspec.Struct, frozen=True):
     """A field of a port, a parameter, or the time, and its variables: name, description.
 
     owner: a participant. port: `params` of a parameter. kind: `Real`, `Integer`, `Boolean` or
@@ -28,14 +28,14 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     causality: Literal["input", "output", "parameter", "independent"]
-    owner: str = ""
-    port: str = ""
+    owner: str
+    port: str
     field: str
     kind: str
-    shape: Sequence[int] = ()
     variables: Sequence[tuple[str, str]]
-    unit: str = ""
     start: Sequence[Any]
+    shape: Sequence[int] = ()
+    unit: str = ""
 
     def flat(self, value: Any) -> list[Any]:
         """Return a value as one for each variable; raises RunError for another shape."""
@@ -91,34 +91,28 @@ def _variables(
         yield stem + end, text + label
 
 
-def port_rows(source: Port, prefix: str, lost: list[str], **given: Any) -> Iterator[Row]:
+def port_rows(source: Port, prefix: str, lost: list[str], own: Any) -> Iterator[Row]:
     """Yield a row for each field of a port's first message; say in `lost` why others have none.
 
-    prefix: of the names. given: further attributes. Raises WiringError for a lost input that is
-    required.
+    prefix: of the names. own: causality, participant, port. Raises WiringError for a lost input
+    that is required.
     """
-    first, cls = next(iter(source.entries()), None), source.message_class
-    message = None if first is None else Decoder(cls)(first.data)
+    (side, owner, port), cls = own, source.message_class
+    message = next((Decoder(cls)(entry.data) for entry in source.entries()), None)
     schema = msgspec.json.schema_components([cls], ref_template="{name}")[1][cls.__name__]
     for name, node in schema["properties"].items():
         array = np.array(getattr(message, name, None), dtype=object)
         if why := _why_not(node, array):
-            lost.append(f"{given['owner']}.{given['port']}.{name}: {why}")
-            if name in schema.get("required", ()) and given["causality"] == "input":
+            lost.append(f"{owner}.{port}.{name}: {why}")
+            if name in schema.get("required", ()) and side == "input":
                 raise WiringError(f"{lost[-1]}; {source.type} requires it, so it is no FMU")
             continue
         labels = source.names if "n" in node.get("shape", ())[:1] else ()
-        parts, text = (prefix, given["port"], name), node.get("description", "")
-        kind = _KINDS[type(array.flat[0])]
-        yield Row(
-            field=name,
-            kind=kind,
-            shape=array.shape,
-            variables=list(_variables(parts, text, array.shape, labels)),
-            unit=source.units.get(name, node.get("unit", "")) if kind == "Real" else "",
-            start=array.ravel().tolist(),
-            **given,
-        )
+        parts, text = (prefix, port, name), node.get("description", "")
+        names = list(_variables(parts, text, array.shape, labels))
+        kind, start = _KINDS[type(array.flat[0])], array.ravel().tolist()
+        unit = source.units.get(name, node.get("unit", "")) if kind == "Real" else ""
+        yield Row(side, owner, port, name, kind, names, start, array.shape, unit)
 
 
 def _why_not(node: Any, array: Any) -> str:
@@ -147,14 +141,8 @@ def parameter_rows(spec: ParticipantSpec, folder: Path, prefix: str) -> Iterator
         types = set(map(kind_of, options_of(field.type)))
         kind = "Boolean" if bool in types else "Integer" if int in types - {float} else "Real"
         text = " ".join(texts.get(field.name, "").split())
-        unit = re.search(r"\[([^\]]+)\]", text)
-        yield Row(
-            causality="parameter",
-            owner=spec.name,
-            port=PARAMS,
-            field=name,
-            kind=kind,
-            variables=list(_variables((prefix, PARAMS, name), text)),
-            unit=unit[1] if unit and kind == "Real" else "",
-            start=[float(value) if kind == "Real" else value],
-        )
+        unit = re.search(r"\[([^\]]+)\]", text) if kind == "Real" else None
+        names = list(_variables((prefix, PARAMS, name), text))
+        start = [float(value) if kind == "Real" else value]
+        own = (spec.name, PARAMS, name, kind, names, start)
+        yield Row("parameter", *own, unit=unit[1] if unit else "")

@@ -166,5 +166,4 @@ class Exported:
             self._episode.abandon()
             self._folder.cleanup()
 
-    def __del__(self) -> None:
-        self.terminate()
+    __del__ = terminate

@@ -66,8 +66,7 @@ def exportfmu_command(given: ExportFmu) -> Answer:
             rows=rows,
         )
         _build(given, library, source, msgspec.json.encode(interface))
-    count = sum(len(row.start) for row in rows)
-    text = f"{given.out}: FMI {given.fmi}.0, {count} variables"
+    text = f"{given.out}: FMI {given.fmi}.0, {sum(len(row.start) for row in rows)} variables"
     return Answer(value=None, lines=[text, *(f"left out: {line}" for line in lost)])
 
 
@@ -101,15 +100,13 @@ def _ports(
                 lost.append(f"{spec.name}.{port}: a bulk port")
                 continue
             recorded = recording.ports[f"{source}/{output}"]
-            own = {"causality": causality, "owner": spec.name, "port": port}
-            rows += port_rows(recorded, prefix, lost, **own)
+            rows += port_rows(recorded, prefix, lost, (causality, spec.name, port))
             if causality == "input":
                 named, every = list(recorded.names), scenario.participant(source).every
                 text = msgspec.structs.replace(recorded.description, names=named, like=None)
                 played[port] = Played(recorded.type, text, every, delay, reads)
     if given.fmi == "3":
-        time = {"field": "time", "variables": [("time", "")], "unit": "s", "start": [0.0]}
-        rows.append(Row(causality="independent", kind="Real", **time))
+        rows.append(Row("independent", "", "", "time", "Real", [("time", "")], [0.0], (), "s"))
     return rows, played
 
 
