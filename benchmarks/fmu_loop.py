@@ -1,8 +1,8 @@
 """Steps of one FMU per second: `python -m benchmarks.fmu_loop model.fmu [STEPS] [ROUNDS]`.
 
 stepbus in one process and with a process for the FMU, recording on, beside what steps the same FMU
-by the same number of steps: FMPy's `simulate_fmu`, a plain loop of FMPy's calls, and libcosim and
-ecos where libcosimpy and ecospy are installed (FMI 2.0). All in turns; start-up does not count.
+and as many times: FMPy's `simulate_fmu`, a plain loop of FMPy's calls, and libcosim where
+libcosimpy is installed (FMI 2.0). All in turns; start-up does not count.
 """
 
 import statistics
@@ -88,9 +88,10 @@ def main(fmu: str, steps: str = "20000", rounds: str = "5") -> None:
         "FMPy, plain loop": lambda: by_calls(path, count),
         "stepbus, one process": lambda: by_stepbus(path, count, in_process=True),
         "stepbus, processes": lambda: by_stepbus(path, count, in_process=False),
-        "libcosim": lambda: by_libcosim(path, count),
     }
     path, count = Path(fmu).absolute(), int(steps)
+    if fmpy.read_model_description(path).fmiVersion == "2.0":
+        ways["libcosim"] = lambda: by_libcosim(path, count)
     speeds: dict[str, list[float]] = {}
     for _ in range(int(rounds)):
         for name, way in ways.items():
