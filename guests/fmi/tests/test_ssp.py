@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from functools import partial
 
 import fmus
 import pytest
@@ -18,24 +19,20 @@ class Block(Fmi2Slave):
         super().__init__(**options)
         self.x, self.u, self.k, self.y = 0.0, 0.0, 2.0, 1.0
         self.n_in, self.n, self.b_in, self.b, self.s = 0, 1, False, True, "as it was"
-        read, shown, fixed = (
-            {"causality": getattr(Fmi2Causality, name)} for name in ("input", "output", "parameter")
-        )
-        fixed["variability"] = Fmi2Variability.fixed
+        read, shown = {"causality": Fmi2Causality.input}, {"causality": Fmi2Causality.output}
+        fixed = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.fixed}
         rare = {"variability": Fmi2Variability.discrete}
         for variable in (
-            Real("u", start=0.0, **read), Real("y", **shown), Real("x"), Real("k", **fixed),
-            Integer("n_in", start=0, **read, **rare), Integer("n", **shown, **rare),
-            Boolean("b_in", start=False, **read, **rare), Boolean("b", **shown, **rare),
-            String("s", **fixed),
+            Real("u", **read), Real("y", **shown), Real("x"), Real("k", **fixed), String("s", **fixed),
+            Integer("n_in", **read, **rare), Integer("n", **shown, **rare),
+            Boolean("b_in", **read, **rare), Boolean("b", **shown, **rare),
         ):
             self.register_variable(variable)
 
     def do_step(self, time, h):
         self.x += h * (self.k * self.u - self.x) + 0.01
         self.y = self.x + 1.0
-        self.n = (self.n_in + 1) % 5
-        self.b = not self.b_in
+        self.n, self.b = (self.n_in + 1) % 5, not self.b_in
         return True
 """
 LOOP = """
@@ -52,15 +49,13 @@ for name, start in blocks.items():
     fmu.setReal([refs["k"]], [start])
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
-rows = []
 for step in range(steps):
-    rows.append({n: f.getReal([refs["y"]])[0].hex() for n, f in made.items()})
+    print(json.dumps({n: f.getReal([refs["y"]])[0].hex() for n, f in made.items()}))
     got = [made[source].getReal([refs["y"]])[0] for source, *_ in wires]
     for value, (_, target, factor, offset) in zip(got, wires):
         made[target].setReal([refs["u"]], [value * factor + offset])
     for fmu in made.values():
         fmu.doStep(step * h, h)
-print(json.dumps(rows))
 """
 NAMES = {"ssd": "Description", "ssc": "Common", "ssv": "ParameterValues", "ssm": "ParameterMapping"}
 BASE = "http://ssp-standard.org/SSP1/SystemStructure"
@@ -80,10 +75,6 @@ def ssd(system, *more):
 
 def component(name, *more, source="resources/Block.fmu", **attributes):
     return xml("ssd:Component", *more, name=name, source=source, **attributes)
-
-
-def elements(*parts):
-    return xml("ssd:Elements", *parts)
 
 
 def connectors(**kinds):
@@ -119,6 +110,7 @@ def linear(factor, offset=0.0):
 
 
 ELL = '<ssd:Units><ssc:Unit name="ell"><ssc:BaseUnit m="1" factor="{}"/></ssc:Unit></ssd:Units>'
+elements = partial(xml, "ssd:Elements")
 PAIR = elements(component("a"), component("b"))
 LINKS = connections(("u", "c.u", {}, linear(0.5, 0.1)), ("y", "c.y"), ("k", "c.k"))
 INSIDE = connectors(u="input", y="output", k="parameter"), elements(component("c")), LINKS
@@ -153,9 +145,8 @@ def ran(data, folder):
 
 def test_values_are_to_the_bit_those_of_a_loop_over_fmpy(make, tmp_path, block):
     values = parameter_set(**{"a.k": 'Real value="3.5"', "inner.k": 'Real value="0.7"'})
-    joined = connections(
-        ("a.y", "b.u"), ("inner.u", "b.y", {}, linear(-0.3, 0.2)), ("inner.y", "a.u")
-    )
+    turned = ("inner.u", "b.y", {}, linear(-0.3, 0.2))
+    joined = connections(("a.y", "b.u"), turned, ("inner.y", "a.u"))
     data = make(elements(component("a"), component("b"), INNER), joined, bindings(values))
     assert list(data["participants"]) == ["a", "b", "inner_c"]
     got = ran(data, tmp_path)
@@ -165,8 +156,9 @@ def test_values_are_to_the_bit_those_of_a_loop_over_fmpy(make, tmp_path, block):
     (tmp_path / "Block.fmu").write_bytes(block)
     asked = json.dumps([str(tmp_path / "Block.fmu"), blocks, wires, 50, 1 / 128])
     done = subprocess.run([sys.executable, "-c", LOOP, asked], check=True, capture_output=True)
-    for step, row in enumerate(json.loads(done.stdout)):
+    for step, row in enumerate(map(json.loads, done.stdout.splitlines())):
         assert {name: float(got[name][step]).hex() for name in got} == row
+    assert step == 49
     assert got["a"][49] != got["b"][49] != got["inner_c"][49]
 
 
@@ -174,15 +166,16 @@ def params(data, name):
     return data["participants"][name]["params"]
 
 
-def test_parameters_of_a_higher_level_and_later_ones_win(make):
+def test_parameters_of_a_higher_level_and_later_ones_win_and_pass_connectors(make):
     own = bindings(parameter_set(k='Real value="1"', s='String value="low"', none='Real value="1"'))
     outer = bindings(
         parameter_set(**{"a.k": 'Real value="2"', "b.k": 'Real value="3"', "no": 'Real value="1"'}),
-        parameter_set(**{"a.k": 'Float64 value="4"'}),
+        parameter_set(**{"a.k": 'Float64 value="4"', "inner.u": 'Real value="2"'}),
     )
-    data = make(elements(component("a", own), component("b")), outer)
+    data = make(elements(component("a", own), component("b"), INNER), outer)
     assert params(data, "a")["start"] == {"k": 4.0, "s": "low"}
     assert params(data, "b")["start"] == {"k": 3.0}
+    assert params(data, "inner_c")["start"] == {"u": 2.0 * 0.5 + 0.1}
 
 
 def test_parameters_in_files_with_a_mapping_and_a_prefix(make):
@@ -199,12 +192,6 @@ def test_parameters_in_files_with_a_mapping_and_a_prefix(make):
     data = make(elements(metres, component("b")), binding, **files)
     assert params(data, "a")["start"] == {"k": 2 * 2.5 + 1}
     assert params(data, "b")["start"] == {"n_in": 6}
-
-
-def test_a_parameter_connector_of_a_system_reaches_what_it_is_connected_with(make):
-    values = bindings(parameter_set(**{"inner.k": 'Real value="7"', "inner.u": 'Real value="2"'}))
-    data = make(elements(INNER) + values)
-    assert params(data, "inner_c")["start"] == {"k": 7.0, "u": 2.0 * 0.5 + 0.1}
 
 
 def test_units_are_converted_at_each_connector_unless_that_is_suppressed(make):
@@ -257,7 +244,6 @@ def test_times_are_those_of_the_system_and_annotations_are_ignored(make):
 LOOPED = connectors(u="input", y="output"), connections(("u", "y"))
 SYSTEMS = (xml("ssd:System", *LOOPED, name=name) for name in "pq")
 CIRCLE = connections(("p.y", "q.u"), ("q.y", "p.u"), ("p.y", "a.u"))
-BUS = xml("ssd:SignalDictionaryReference", name="bus")
 KG = elements(component("a", connectors(y="output kg")), component("b", connectors(u="input m")))
 
 
@@ -271,22 +257,18 @@ KG = elements(component("a", connectors(y="output kg")), component("b", connecto
         ("<ssd:Component/>", "the system: a Component has no 'name'"),
         (component("a") * 2, "two elements with the name 'a'"),
         (component("a.b") + component("a_b"), "a second participant with the name 'a_b'"),
-        (component("a") + BUS, "element bus is a SignalDictionaryReference"),
+        (xml("ssd:SignalDictionaryReference", name="bus"), "element bus is a SignalDictionaryReference"),
         (component("a", implementation="ModelExchange"), "element a wants ModelExchange"),
-        (component("a", source="inner.ssp"), "element a is an SSP itself"),
-        (component("a", type="application/x-ssp-definition"), "element a is an SSP itself"),
+        (component("a", source="i.ssp", type="x-ssp"), "element a is an SSP itself"),
         (("a.z", "b.u"), "connection a.z → b.u: element a has no 'z'"),
-        (PAIR + connections(("a.y", "b.u"), ("a.x", "b.u")),
-         "connection a.x → b.u is a second source; there is connection a.y → b.u"),
+        (PAIR + connections(("a.y", "b.u"), ("a.x", "b.u")), "a.x → b.u is a second source; there is"),
         (("a.y", "b.y"), "connection a.y → b.y joins two sources"),
-        (("a.u", "b.u"), "connection a.u → b.u joins two targets"),
         (("a.y", "b.n_in"), "a.y → b.n_in: Real is connected with Integer"),
         (("a.y", "a.u"), "a.y → a.u: an element is connected with itself"),
         (("a.y", "b.k"), "k is a parameter, and a.y is computed in the run"),
         (("a.y", "b.u", {"startIndices": 1}), "of some places of an array"),
         (("a.y", "b.u", {}, linear("x")), "a.y → b.u has the Real 'x'"),
-        (("a.n", "b.n_in", {}, xml("ssc:BooleanMappingTransformation")),
-         "a.n → b.n_in has a BooleanMappingTransformation, which is not supported"),
+        (("a.n", "b.n_in", {}, xml("ssc:BooleanMappingTransformation")), "has a BooleanMappingTransf"),
         (KG + connections(("a.y", "b.u")), "a.y → b.u: unit 'kg' is no 'm'"),
         (elements(component("a"), *SYSTEMS) + CIRCLE, "connected in a circle"),
         (PAIR + bindings(parameter_set(**{"a.k": 'Real value="1,5"'})), "a.k of the system has the Real"),
