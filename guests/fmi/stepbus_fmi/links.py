@@ -23,7 +23,7 @@ Place = tuple[str, tuple[int, ...]]
 class Wire:
     """One value on its way: port and place in its message → name of an input.
 
-    scale: factor and offset. table: value → what the variable gets for it; others stay.
+    scale: factor and offset.
     """
 
     port: str
@@ -32,7 +32,6 @@ class Wire:
     variable: Variable
     target: str
     scale: tuple[float, float]
-    table: Mapping[Any, Any]
 
     def value(self, message: Any) -> Any:
         """Return the value that the variable gets; raises IndexError for a vector too short."""
@@ -41,8 +40,6 @@ class Wire:
             value = value[place]
         if isinstance(value, bool) and self.variable.kind in (int, float):
             value = self.variable.kind(value)  # 0 or 1, as other tools do
-        if self.table:
-            return self.table.get(value, value)
         # Not 1 · value + 0, which turns −0 into 0.
         return value if self.scale == (1.0, 0.0) else value * self.scale[0] + self.scale[1]
 
@@ -136,10 +133,7 @@ class Wiring:
             field, places, unit = self._find(port, source)
             convert = self._units.conversion(unit, item.unit) if link.convert else (1.0, 0.0)
             scale = convert[0] * link.factor, convert[0] * link.offset + convert[1]
-            table = dict(link.table)
-            found[item.names[index]] = Wire(
-                port, field, places, item, item.names[index], scale, table
-            )
+            found[item.names[index]] = Wire(port, field, places, item, item.names[index], scale)
         return found
 
     def _element(self, port: str, what: str, item: Variable, index: int) -> str:

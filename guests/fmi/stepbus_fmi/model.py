@@ -115,14 +115,13 @@ class Model:
 
 def open_fmu(path: Path, inside: str = "") -> Path | IO[bytes]:
     """Return an FMU, or the one inside an archive; raises WiringError where there is none."""
-    file: Path | IO[bytes] = path
-    for name in inside.split("!") if inside else ():
-        try:
-            with zipfile.ZipFile(file) as archive:
-                file = io.BytesIO(archive.read(name.removeprefix("/")))
-        except (OSError, zipfile.BadZipFile, KeyError) as exc:
-            raise WiringError(f"{path.name} has no {inside!r}: {error_text(exc)}") from exc
-    return file
+    if not inside:
+        return path
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return io.BytesIO(archive.read(inside.removeprefix("/")))
+    except (OSError, zipfile.BadZipFile, KeyError) as exc:
+        raise WiringError(f"{path.name} has no {inside!r}: {error_text(exc)}") from exc
 
 
 def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = None) -> Model:

@@ -19,9 +19,6 @@ class Link(Settings, omit_defaults=True):
     """What is then added to it."""
     convert: bool = True
     """Whether the value is converted to the unit of the variable; false: units are not compared."""
-    table: tuple[tuple[Any, Any], ...] = ()
-    """Pairs of a value and what the variable gets for it, for values that are no real numbers; all
-    others stay as they are."""
 
 
 class Params(Settings):
@@ -30,8 +27,7 @@ class Params(Settings):
     fmu: File
     """The FMU, or the archive that has it."""
     inside: str = ""
-    """Where the FMU is in that archive, such as `resources/motor.fmu` of an SSP. In an archive in
-    it: `resources/arm.ssp!/resources/motor.fmu`."""
+    """Where the FMU is in that archive, such as `resources/motor.fmu` of an SSP."""
     start: dict[str, Any] = {}
     """Variable → start value: a number, `"3 kg"` with a unit, a boolean, a text, the name of an
     enumeration's item; for an array, a list."""

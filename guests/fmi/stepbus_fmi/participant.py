@@ -143,7 +143,7 @@ class Fmu(Participant):
         texts = [t for v in row.values() for t in (v if isinstance(v, list) else [v])]
         names = [text for text in texts if isinstance(text, str) and text in places]
         groups = self._instance.values(dict.fromkeys(places[name][0] for name in names))
-        if [[*group.names] for group in groups] == [row.get("values")]:
+        if row.keys() == {"values"} and [group.names for group in groups] == [row["values"]]:
             # Most ports: all values of one type, in their order.
             get = groups[0].get
             return lambda: cls(values=self._instance.do(get))

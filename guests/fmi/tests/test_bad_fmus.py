@@ -183,7 +183,7 @@ WRONG = {
     "computed": ({"start": {"y": 1}}, "y is a continuous output variable that the FMU computes"),
     "not settable": ({"start": {"hidden": 1}}, "the FMU computes"),
     "text for a number": ({"start": {"k": "much"}}, "k is a number, such as 3, not 'much'"),
-    "list for a number": ({"start": {"k": [1, 2]}}, "k is a number, not a list of 2"),
+    "list for a number": ({"start": {"k": [1, 2]}}, "k is a finite number, not a list of 2"),
     "unit without one": ({"start": {"k": "3 mm"}}, "k has no unit"),
     "real for an integer": ({"start": {"n": 1.5}}, "n is an integer, not 1.5"),
     "too large": ({"start": {"n": 300}}, "n: [300] does not fit the type Int8"),
