@@ -131,6 +131,9 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
     Raises WiringError where it cannot be read, or the FMU cannot take part.
     """
     (fmpy,) = need("an FMU", "fmpy")
+    if path.suffix.lower() not in (".fmu", ".ssp"):
+        # Recordings tell by their names which files are programs.
+        raise WiringError(f"the name of an FMU ends with .fmu, not {path.name!r}")
     name = f"{path.name}/{inside.removeprefix('/')}" if inside else path.name
     try:
         description = fmpy.read_model_description(open_fmu(path, inside), validate=False)

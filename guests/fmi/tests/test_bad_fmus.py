@@ -17,6 +17,7 @@ from support.surroundings import comes_true, processes_in
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_schemas import WiringError
 
 PATIENT = dict.fromkeys(("spawn_timeout", "ready_timeout", "step_timeout", "stop_timeout"), "60s")
 
@@ -131,6 +132,12 @@ def test_a_file_named_alone(bench, capfd):
     (bench.folder / "model.fmu").write_text("hello")
     assert main(["run", str(bench.folder / "model.fmu")]) == ExitCode.SCENARIO
     assert "is no FMU" in capfd.readouterr().err
+
+
+def test_a_file_that_a_recording_takes_for_data(bench):
+    (bench.folder / "model.csv").write_text("")
+    with pytest.raises(WiringError, match=r"ends with .fmu, not 'model.csv'"):
+        read_model(bench.folder / "model.csv")
 
 
 PROGRAMS = {

@@ -163,20 +163,28 @@ def programs_of(
 
 
 def _words(given: Mapping[str, Any], *, own_program: bool) -> list[str]:
-    """Return the program of a participant, and the classes that its parameters name, as `law`.
+    """Return the program of a participant, and what its parameters name that would be executed.
 
-    What installed packages declare is left out. own_program: so is the program.
+    These are classes, as `law`; files outside of the recording, such as an FMU; and the parameter
+    `command`, a command line. What installed packages declare is left out. own_program: so is the
+    program.
     """
     program = given.get("exec") or given.get("participant") or []
     words = list(map(str, program)) if isinstance(program, list) else [str(program)]
     is_installed_class = "exec" not in given and program in participant_classes()
     if own_program or is_installed_class:
         words = []
-    texts = (text for _, text in texts_in(given.get("params")))
-    return [*words, *filter(_is_foreign_class, texts)]
+    params = given.get("params")
+    texts = (text for _, text in texts_in(params))
+    started = params.get("command") if isinstance(params, Mapping) else None
+    return [*words, *filter(_is_foreign, texts), *(text for _, text in texts_in(started))]
 
 
-def _is_foreign_class(text: str) -> bool:
+def _is_foreign(text: str) -> bool:
+    """Return whether a text names a class that is not installed, or a program by its whole path."""
+    path = PurePosixPath(text)
+    if path.is_absolute() and path.suffix and path.suffix.lower() not in _DATA:
+        return True
     module, _, attribute = text.partition(":")
     is_class = attribute.isidentifier() and all(map(str.isidentifier, module.split(".")))
     return is_class and not is_installed(module)

@@ -213,6 +213,8 @@ LAW_OF_SPY = {"joints": ["a"], "law": "spy:Law"}
         {"participant": "spy:Controller"},
         {"participant": "stepbus_controller:Controller", "params": LAW_OF_SPY},
         {"participant": "stepbus_mission:Mission", "params": {"task": "spy:Task"}},
+        {"participant": "stepbus_coppelia:Gateway", "params": {"command": ["echo", "spy:"]}},
+        {"participant": "stepbus_fmi:Fmu", "params": {"fmu": "/tmp/spy:.fmu"}},
     ],
 )
 def test_a_module_that_is_installed_for_another_use_is_not_imported(
