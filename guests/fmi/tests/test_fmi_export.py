@@ -100,7 +100,7 @@ def got(request, recording, folder, tmp_path_factory):
         "later step": (failing, controller, {}, [(0,), (3,)], {}),
         "nan": (failing, controller, {}, [(0,)], {"joint_state.position[1]": float("nan")}),
         "parameter": (failing, controller, {"params.kp": -1.0}, [], {}),
-        "end": (failing, half, {}, [(index,) for index in range(100)], {}),
+        "end": (failing, half, {}, [(index,) for index in range(92)], {}),
     }
     return importer.apart(calls) | {"version": fmi}
 

@@ -131,7 +131,8 @@ class Exported:
             if row.causality == "parameter" and self._values[place] != list(row.start)
         ]
         try:
-            scenario = load(Path(self.resources, own.scenario), changed)
+            # In a window of one step, a participant that ends the run ends it with that step.
+            scenario = load(Path(self.resources, own.scenario), ["window=1", *changed])
         except ScenarioError as exc:
             raise RunError(str(exc)) from exc
         spec = scenario.participant(own.importer)
