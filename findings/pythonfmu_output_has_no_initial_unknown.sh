@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The smallest FMU of pythonfmu with an output, and FMPy's validation of it.
+# pythonfmu: the smallest FMU with an output lacks it among the initial unknowns; FMPy's validation refuses that.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A start value of 0.1 + 0.2 in FMUs of pythonfmu and pythonfmu3: what the model has, and what its description says.
+# pythonfmu and pythonfmu3: a start value is written with 16 digits; 0.1 + 0.2 becomes another number for the importer.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
