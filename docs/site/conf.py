@@ -42,6 +42,7 @@ include_patterns = [
     "store/*/scenarios/*/*.md",
     "examples/README.md",
     "examples/coppelia/systems/README.md",
+    "examples/fmu_drives/README.md",
     "benchmarks/README.md",
     "CONTRIBUTING.md",
     "CHANGELOG.md",
