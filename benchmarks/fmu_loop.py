@@ -23,8 +23,8 @@ H = 0.01
 
 def by_stepbus(fmu: Path, steps: int, *, in_process: bool) -> float:
     """Return the wall time of a run [s]."""
-    scenario = {"name": "loop", "step": "10ms", "duration": f"{steps * 10}ms"}
-    scenario["participants"] = {"fmu": {"participant": str(fmu)}}  # type: ignore[assignment]
+    length = {"step": "10ms", "duration": f"{steps * 10}ms"}
+    scenario = {"name": "loop", **length, "participants": {"fmu": {"participant": str(fmu)}}}
     with tempfile.TemporaryDirectory() as folder:
         result = stepbus.run(scenario, out=f"{folder}/run", in_process=in_process)
         return result.check().wall_s

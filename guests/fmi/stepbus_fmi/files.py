@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant import format_duration
+from stepbus_participant import find_file, format_duration
+from stepbus_schemas import WiringError
 
 from .model import Model, capabilities, read_model
 
@@ -45,7 +46,7 @@ def fmu_starter(path: Path, name: str) -> dict[str, bytes]:
     model, made = read_model(path), fmu_scenario(path)
     rows = [f"name: {name}", f"step: {made['step']}", f"duration: {made['duration']}"]
     rows += ["participants:", f"  {next(iter(made['participants']))}:"]
-    rows += [f"    participant: {path.name}"]
+    rows += [f"    participant: {json.dumps(path.name)}"]
     inputs = model.of("input")
     parameters = [*model.of("structuralParameter"), *model.of("parameter")]
     rows += ["    # inputs:", "    #   in: PARTICIPANT.OUTPUT"] if inputs else []
@@ -56,7 +57,8 @@ def fmu_starter(path: Path, name: str) -> dict[str, bytes]:
             start = f"[{', '.join((item.start or '').split())}]" if item.shape else item.start
             value = "in.NAME" if key == "inputs" else start
             unit = f" [{item.unit}]" if item.unit else ""
-            row = f"    #     {json.dumps(item.name)}: {value}    # {item.description}{unit}"
+            text = " ".join(item.description.split()) + unit
+            row = f"    #     {json.dumps(item.name)}: {value}    # {text}"
             rows.append(row.rstrip(" #"))
     return {"scenario.yaml": "\n".join((*rows, "")).encode(), path.name: path.read_bytes()}
 
@@ -86,7 +88,7 @@ def scenario(
     if step_s is None:
         wished = [size for model in models if (size := _step(model))]
         # An FMU gets nowhere in a step that is shorter than its own ones.
-        own = (float(model.can.fixedInternalStepSize or 0) for model in models)
+        own = (model.internal_step for model in models)
         step_s = max(min(wished, default=_STEP_NS / 1e9), *own)
     step_ns = max(1, round(step_s * 1e9))
     if stop_s is None:
@@ -107,12 +109,15 @@ def _number(model: Model, key: str) -> Any:
     """Return a number of the default experiment; None where it says none."""
     experiment = model.description.defaultExperiment
     text = getattr(experiment, key, None) if experiment is not None else None
-    return None if text is None else float(text)
+    try:
+        return None if text is None else float(text)
+    except ValueError as exc:
+        raise WiringError(f"{model.file}: {key} is {text!r}, no number") from exc
 
 
 def _step(model: Model) -> float:
     """Return the step that an FMU wishes, or a hundredth of its experiment [s]; 0: none."""
-    wished = _number(model, "stepSize") or float(model.can.fixedInternalStepSize or 0)
+    wished = _number(model, "stepSize") or model.internal_step
     return wished or (_number(model, "stopTime") or 0.0) / 100
 
 
@@ -127,7 +132,7 @@ def ssp_scenario(path: Path) -> dict[str, Any]:
 def about(spec: Any, scenario: Any) -> list[str]:
     """Return what `stepbus describe` says of an FMU: what it can do, its variables, its delays."""
     params = spec.params
-    path = scenario.folder / params["fmu"]
+    path = find_file(params["fmu"], scenario.folder)
     model = read_model(path, params.get("inside", ""), params.get("start"))
     said = model.description
     by = f", by {said.generationTool}" if said.generationTool else ""

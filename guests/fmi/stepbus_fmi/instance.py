@@ -273,7 +273,7 @@ class Instance:
 
     def _check_grid(self, reached: float, until: float) -> None:
         """Accept the end of a step that is on the grid of the FMU's own steps; warn once."""
-        fixed = float(self.model.can.fixedInternalStepSize or 0)
+        fixed = self.model.internal_step
         text = f"it stopped at {reached!r} s, not at {until!r} s"
         if abs(reached - until) > fixed * (1 + 1e-9):
             raise FmuError(text)

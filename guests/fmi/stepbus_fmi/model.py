@@ -87,6 +87,15 @@ class Model:
         """Return whether it claims that its state can be saved and restored."""
         return bool(self.can.canGetAndSetFMUstate and self.can.canSerializeFMUstate)
 
+    @property
+    def internal_step(self) -> float:
+        """Return the step of its own solver [s]; 0: it states none."""
+        try:
+            return float(self.can.fixedInternalStepSize or 0)
+        except ValueError as exc:
+            text = f"{self.file}: fixedInternalStepSize is {self.can.fixedInternalStepSize!r}"
+            raise WiringError(f"{text}, no number") from exc
+
     @cached_property
     def places(self) -> Mapping[str, tuple[Variable, int]]:
         """Return name of each value → its variable, and where in that it is."""

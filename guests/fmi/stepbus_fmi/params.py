@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from stepbus_participant import File, Finite, Settings, Text
+from stepbus_participant import File, Finite, Positive, Settings, Text
 
 
 class Link(Settings, omit_defaults=True):
@@ -44,7 +44,7 @@ class Params(Settings):
     """Further variables, such as local ones, that are published beside the output variables."""
     start_time: Finite = 0.0
     """Time of the FMU at step 0 [s]."""
-    tolerance: float | None = None
+    tolerance: Positive | None = None
     """Relative tolerance of the FMU's solver. Default: its own."""
     event_mode: bool = True
     """Whether an FMU for FMI 3.0 that has an event mode uses it."""

@@ -88,7 +88,7 @@ class Fmu(Participant):
 
     def _step_problems(self) -> Iterator[str]:
         """Yield why the FMU cannot take steps of this length."""
-        fixed = float(self.model.can.fixedInternalStepSize or 0)
+        fixed = self.model.internal_step
         if self.model.can.canHandleVariableCommunicationStepSize or not fixed:
             return
         count = self._h / fixed

@@ -88,6 +88,16 @@ BROKEN = {
          "<ModelVariables/></fmiModelDescription>"},
         "is for FMI 1.0; stepbus takes FMI 2.0 and 3.0",
     ),
+    "no time": (
+        {"modelDescription.xml": XML.replace(
+            "<ModelVariables>", '<DefaultExperiment stopTime="soon"/><ModelVariables>')},
+        "stopTime is 'soon', no number",
+    ),
+    "no step": (
+        {"modelDescription.xml": XML.replace(
+            "<CoSimulation ", '<CoSimulation fixedInternalStepSize="often" ')},
+        "often",
+    ),
     "FMI 4": ({"modelDescription.xml": XML.replace('"3.0"', '"4.0"')}, "4.0"),
     "model exchange": (
         {"modelDescription.xml": XML.replace("CoSimulation", "ModelExchange")},
