@@ -163,6 +163,7 @@ def test_a_participant_ends_the_simulation(got):
         ("two_link", ["controller"], {"out": "a.zip"}, "the name of an FMU ends in .fmu"),
         ("two_link", [], {"out": "there.fmu"}, "there.fmu already exists"),
         ("two_link", ["plant"], {"input": "plant"}, "--input is for a whole scenario"),
+        ("two_link", ["mission"], {"out": "there.fmu/a.fmu"}, "there.fmu/a.fmu cannot be written"),
         ("Bad", [], {}, "no bytes today"),
         ("Raw", ["b"], {}, "FMI has no variable for bytes"),
     ],

@@ -23,7 +23,7 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.ports import InputSpec
 from stepbus_orchestrator.scenario.resolve import resolved
-from stepbus_participant import make_folder, need
+from stepbus_participant import make_folder, need, replaced
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError, suggest
 
@@ -153,10 +153,13 @@ def _build(given: ExportFmu, library: Any, source: Path, content: bytes) -> None
         project_files=[source / FILE, source / "scenario"],
         canHandleVariableCommunicationStepSize=False,
     )
-    make_folder(given.out.parent)
-    # The same bytes each time: without times, in the order of names.
-    with ZipFile(built) as old, ZipFile(given.out, "x", ZIP_DEFLATED) as new:
-        for info in sorted(old.infolist(), key=lambda info: info.filename):
-            data, info.date_time = old.read(info), (1980, 1, 1, 0, 0, 0)
-            info.external_attr = 0o644 << 16
-            new.writestr(info, data, ZIP_DEFLATED)
+    try:
+        make_folder(given.out.parent)
+        with replaced(given.out) as part, ZipFile(built) as old, ZipFile(part, "w") as new:
+            # The same bytes each time: without times, in the order of names.
+            for info in sorted(old.infolist(), key=lambda info: info.filename):
+                data, info.date_time = old.read(info), (1980, 1, 1, 0, 0, 0)
+                info.external_attr = 0o644 << 16
+                new.writestr(info, data, ZIP_DEFLATED)
+    except OSError as exc:
+        raise WiringError(f"{given.out} cannot be written: {exc.strerror or exc}") from exc
