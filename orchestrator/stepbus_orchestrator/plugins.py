@@ -29,6 +29,8 @@ SCENARIO_FILES = "stepbus.scenario_files"
 """Ending, such as `.fmu` → `(path) -> data` of the scenario that such a file stands for."""
 STARTERS = "stepbus.starters"
 """Ending, such as `.fmu` → `(path, name) -> files` of what `stepbus new` makes of such a file."""
+HOSTS = "stepbus.hosts"
+"""`(scenario, hosts, listen) -> (elsewhere, extension)`: what takes a run to other hosts."""
 ABOUT = "stepbus.about"
 """A participant's class → `(participant, scenario) -> lines` that `stepbus describe` adds."""
 

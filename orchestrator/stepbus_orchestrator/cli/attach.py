@@ -12,7 +12,7 @@ from rich.table import Table
 
 from stepbus_orchestrator.cli.commands import Bridge, Call, Join
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error, table, visible
-from stepbus_orchestrator.processes.attached import await_ticket
+from stepbus_orchestrator.processes.attached import await_ticket, check_files
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.run.live_file import call
 from stepbus_orchestrator.scenario.model import BridgeSpec, ParticipantSpec
@@ -28,7 +28,8 @@ _RUN = "run"
 def join_command(given: Join) -> int:
     """Wait for the run of a ticket, and become the participant's program."""
     awaited = await_ticket(given.ticket, parse_duration(given.wait) * 1e-9, _notify)
-    folder = Path.cwd() if given.program else Path(awaited.folder)
+    folder = Path.cwd() if given.program else Path(awaited.folder or Path.cwd())
+    check_files(awaited.files, folder)
     bridge = (
         BridgeSpec(format=awaited.bridge, describe=awaited.describe) if awaited.bridge else None
     )

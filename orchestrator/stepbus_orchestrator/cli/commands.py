@@ -51,6 +51,8 @@ class Run(Command, work="run_command", group="run", is_run=True):
     $ stepbus run my/scenario.yaml --watch
     $ stepbus run two_link --external controller
     $ stepbus run two_link --external controller=/tmp/c.ticket
+    $ stepbus run two_link --external controller --listen 192.0.2.7
+    $ stepbus run two_link --hosts hosts.yaml --set controller.host=robot
     """
 
     scenario: Scenario
@@ -68,6 +70,12 @@ class Run(Command, work="run_command", group="run", is_run=True):
     external: Annotated[Texts, Parameter(metavar="PARTICIPANT[=TICKET]")] = ()
     """wait for a participant that you start yourself, with `stepbus join TICKET`; default: a ticket
     in the folder of the run; may be repeated (docs/guide/running/attach.md)"""
+    hosts: File = None
+    """where the hosts are on which participants of the scenario run (`host:`); they are reached by
+    SSH (docs/guide/running/hosts.md)"""
+    listen: Annotated[str, Parameter(metavar="ADDRESS[:PORT]")] = ""
+    """open one port for participants on other hosts, also for those that you start there yourself
+    with a ticket (default: as the first of --hosts was reached, any free port)"""
     join_timeout: Duration = ""
     """how long to wait for external participants (default: the participant's spawn_timeout if set,
     else 2min)"""

@@ -5,12 +5,13 @@ a live run, and `stepbus join` waits until there is one.
 """
 
 import contextlib
+import hashlib
 import os
 import secrets
 import socket
 import struct
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,14 +32,16 @@ _CREDENTIALS = struct.Struct("3i")
 class JoinTicket(Ticket, frozen=True, kw_only=True):
     """A ticket with what the scenario would have started, for `stepbus join`.
 
-    exec, folder: the command and its working directory. bridge, describe: of the bridge to it;
-    empty: there is none.
+    exec, folder: the command and its working directory; empty: where it is joined. bridge,
+    describe: of the bridge to it; empty: there is none. files: those of the scenario that have to
+    be there, name → SHA-256.
     """
 
     exec: tuple[str, ...]
     folder: str
     bridge: BridgeFormat | Literal[""]
     describe: dict[str, Any]
+    files: dict[str, str] = msgspec.field(default_factory=dict)
 
 
 def publish(ticket: Ticket, path: Path) -> None:
@@ -91,6 +94,21 @@ def await_ticket(path: Path, wait_s: float, notify: Callable[[str], None]) -> Jo
         time.sleep(_POLL_S)
 
 
+def check_files(files: Mapping[str, str], folder: Path) -> None:
+    """Raise WiringError where the files of a scenario are not those of the run. files: SHA-256."""
+    for name, wanted in files.items():
+        try:
+            found = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+        except OSError as exc:
+            found = exc.strerror or str(exc)
+        if found != wanted:
+            what = "is not that of the run" if len(found) == len(wanted) else f": {found}"
+            raise WiringError(
+                f"{folder / name} {what}; copy the scenario's folder from the host of the run, and "
+                "join in it"
+            )
+
+
 def _read(path: Path) -> JoinTicket:
     """Return the ticket in a file; raises OSError, and WiringError where it is none of ours."""
     with os.fdopen(open_regular(path), "rb") as file:
@@ -114,14 +132,15 @@ class Attached(Process):
     namespace, by its process id. It is never sent a signal: the user who started it ends it.
 
     ticket: path of that it has been given. log: where a child's output would go. address: where we
-    listen. children: our own processes.
+    listen. children: our own processes. cut, is_silent: what cuts its links, and what `silence`
+    returns, where it is linked to us by a gateway.
     """
 
     def __init__(self, ticket: Path, log: Path, address: str, children: Collection[Child]) -> None:
         super().__init__(log)
         self.ticket = ticket
-        self._address = address
-        self._children = children
+        self.cut = lambda: cut_links(address, self.pid, [child.pid for child in children])
+        self.is_silent: Callable[[], str] = str
         self._has_left = False
 
     def joined(self, pid: int) -> None:
@@ -150,9 +169,13 @@ class Attached(Process):
         """Return what it is doing; nothing where that is unknown."""
         return activity_of(self.pid) if self.pid else NOTHING
 
+    def silence(self) -> str:
+        """Return that its host is out of reach, and since when; empty: it is not."""
+        return self.is_silent()
+
     def signal(self, number: int) -> None:
         """Cut its links instead: what a signal would have freed is free then."""
-        cut_links(self._address, self.pid, [child.pid for child in self._children])
+        self.cut()
         self._has_left = True
 
     def wait(self, timeout_s: float) -> bool:

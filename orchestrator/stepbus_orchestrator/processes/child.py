@@ -36,6 +36,10 @@ class Process:
         self.pid = 0
         self.late = ""
 
+    def where(self) -> str:
+        """Return its process id in words, and its host if that is another one."""
+        return f"pid {self.pid}"
+
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it runs."""
         raise NotImplementedError
@@ -54,6 +58,10 @@ class Process:
     def activity(self) -> Activity:
         """Return what it, and all it has started, is doing."""
         raise NotImplementedError
+
+    def silence(self) -> str:
+        """Return that its host is out of reach, and since when; empty: it is not."""
+        return ""
 
     def signal(self, number: int) -> None:
         """Send it a signal, and all it has started."""

@@ -10,9 +10,10 @@ import contextlib
 import secrets
 import socket
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import BusFailed
@@ -79,18 +80,22 @@ def make_mesh(
     held: contextlib.ExitStack,
     *,
     is_star: bool = False,
+    behind: Mapping[str, Collection[str]] = MappingProxyType({}),
 ) -> Mesh:
     """Return the endpoints of all processes of a run, with their credentials.
 
     folder: private, for sockets and certificates. run: names the key space, in which each
     participant may publish on its own keys only; None: on any key, as the conformance kit does,
     which speaks for several. held: what keeps the TCP ports from others. is_star: participants are
-    linked to the orchestrator only.
+    linked to the orchestrator only. behind: gateway → participants that are linked to it only, from
+    which it takes their certificates, and for which it speaks; it is linked to all others.
 
     Raises BusFailed when there is no room for a socket, no free port or no space in the folder.
     """
-    listening = [ORCHESTRATOR, *(spec.name for spec in scenario.participants)]
-    names = [*listening, CALLER]
+    distant = [name for names in behind.values() for name in names]
+    specs = (spec.name for spec in scenario.participants)
+    listening = [ORCHESTRATOR, *(name for name in specs if name not in distant)]
+    names = [*listening, *behind, CALLER]
     settings: dict[str, dict[str, Any]] = {name: {} for name in names}
     access: Mapping[str, Any] = {}
     if scenario.bus.transport == "unix":
@@ -100,7 +105,7 @@ def make_mesh(
             # way round; there, it is the session that has a name. Its first digit is no zero.
             ids = {name: f"{secrets.randbits(127) | 1 << 127:032x}" for name in listening}
             settings |= {name: {"id": number} for name, number in ids.items()}
-            access = _access_control(run, listening[1:], "usernames", ids)
+            access = _access_control(run, listening[1:], "usernames", ids, behind)
     else:
         ports = _ports(scenario.bus.port, len(listening), held)
         addresses = [f"tls/127.0.0.1:{port}" for port in ports]
@@ -202,19 +207,27 @@ def _certificate(authority: "CA", name: str, folder: Path, root: Path) -> dict[s
 
 
 def _access_control(
-    run: str, participants: Iterable[str], proof: str, ids: Mapping[str, str] | None = None
+    run: str,
+    participants: Iterable[str],
+    proof: str,
+    ids: Mapping[str, str] | None = None,
+    behind: Mapping[str, Collection[str]] = MappingProxyType({}),
 ) -> Mapping[str, Any]:
     """Return Zenoh's access control for every session of a run.
 
     proof: `usernames` or `cert_common_names`, by which Zenoh knows who is at the other end. ids: of
     the sessions, by which it knows that where no proof was given: of those that a session connects
-    to on Unix sockets. A proven participant is never taken for the orchestrator.
+    to on Unix sockets. A proven participant is never taken for the orchestrator. behind: as of
+    `make_mesh`.
     """
     keys = f"stepbus/{run}"
+    distant = [name for names in behind.values() for name in names]
+    speaks_for = {name: [name] for name in (*participants, *distant)}
     owned = {
         name: [*(f"{keys}/{key}/{name}" for key in _OWN_KEYS), f"{keys}/bulk/{name}/**"]
-        for name in participants
+        for name in speaks_for
     }
+    speaks_for |= {name: list(names) for name, names in behind.items()}
     rules = [
         _rule("egress", "egress", _ALL, ["**"]),
         _rule("listen", "ingress", _DECLARATIONS, [f"{keys}/**"]),
@@ -226,12 +239,18 @@ def _access_control(
             for name, own in owned.items()
         ),
     ]
-    subjects = [{"id": name, proof: [name]} for name in (ORCHESTRATOR, CALLER, *owned)]
+    subjects = [
+        {"id": name, "cert_common_names" if name in distant else proof: [name]}
+        for name in (ORCHESTRATOR, CALLER, *speaks_for)
+    ]
     policies = [
         {"subjects": ["anyone"], "rules": ["egress"]},
         {"subjects": [ORCHESTRATOR], "rules": [ORCHESTRATOR]},
         {"subjects": [CALLER], "rules": ["call"]},
-        *({"subjects": [name], "rules": ["listen", "join", f"own {name}"]} for name in owned),
+        *(
+            {"subjects": [name], "rules": ["listen", "join", *(f"own {one}" for one in names)]}
+            for name, names in speaks_for.items()
+        ),
     ]
     if ids is not None:
         control = [f"{keys}/{key}" for key in _CONTROL]
@@ -241,7 +260,7 @@ def _access_control(
             if name in ids:
                 subjects.append({"id": f"session {name}", "zids": [ids[name]]})
                 policy["subjects"] = [name, f"session {name}"]
-        policies.append({"subjects": list(owned), "rules": ["control"]})
+        policies.append({"subjects": list(speaks_for), "rules": ["control"]})
     return {
         "enabled": True,
         "default_permission": "deny",

@@ -4,8 +4,9 @@ import contextlib
 import resource
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from msgspec.structs import asdict
@@ -47,17 +48,17 @@ class Launcher:
     A process of its own, the reaper, kills what is left of the run and removes the folder, also
     should the orchestrator be killed.
 
-    logs: folder of the participants' logs. folder: the private one. children: those that were
-    started, by name. Raises BusFailed where the folder cannot be made, StartFailed, without leaving
-    it behind, when no process can be started.
+    logs: folder of the participants' logs; default: the private one. folder: the private one.
+    children: those that were started, by name. Raises BusFailed where the folder cannot be made,
+    StartFailed, without leaving it behind, when no process can be started.
     """
 
-    def __init__(self, *, run: str, token: str, logs: Path) -> None:
+    def __init__(self, *, run: str, token: str, logs: Path | None = None) -> None:
         self.folder = private_folder()
         self.children: dict[str, Child] = {}
         self._run = run
         self._token = token
-        self._logs = logs
+        self._logs = logs or self.folder
         self._others: list[Path] = []
         try:
             self._reaper = subprocess.Popen(
@@ -109,19 +110,22 @@ class Launcher:
         self,
         spec: ParticipantSpec,
         endpoint: Endpoint,
-        scenario_folder: Path,
+        scenario_folder: Path | None,
         *,
         ticket: Path,
+        files: Mapping[str, str] = MappingProxyType({}),
         **fields: Any,
     ) -> Attached:
         """Put the ticket of one participant where the user picks it up.
 
-        ticket: the path. fields: further ones. Raises StartFailed when it cannot be written there.
+        scenario_folder: None where it is on another host. ticket: the path. files: as of
+        `JoinTicket`. fields: further ones. Raises StartFailed when it cannot be written there.
         """
         content = JoinTicket(
+            files=dict(files),
             **asdict(self._ticket(spec, endpoint, fields)),
             exec=spec.exec or spec.program,
-            folder=str(scenario_folder.absolute()),
+            folder="" if scenario_folder is None else str(scenario_folder.absolute()),
             bridge="" if spec.bridge is None else spec.bridge.format,
             describe={} if spec.bridge is None else spec.bridge.describe,
         )
@@ -137,6 +141,13 @@ class Launcher:
         """Have a file, or another folder, removed with the private one."""
         self._others.append(path)
         self._tell_reaper(str(path))
+
+    @contextlib.contextmanager
+    def guarded(self, pid: int) -> Iterator[None]:
+        """Have a further process of ours, which leads its group, ended with the run."""
+        self._tell_reaper(f"+{pid}")
+        yield
+        self._tell_reaper(f"-{pid}")
 
     def _tell_reaper(self, line: str) -> None:
         with contextlib.suppress(BrokenPipeError):

@@ -4,7 +4,9 @@ import contextlib
 import dataclasses
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
@@ -19,6 +21,36 @@ from stepbus_orchestrator.run.live_file import Live, forget
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import command
 from stepbus_participant import Bus, Clock, Disk
+from stepbus_schemas import WiringError
+
+
+class Elsewhere:
+    """Reaches the participants on other hosts; this one reaches none.
+
+    behind: as of `make_mesh`; empty: all participants are here.
+    """
+
+    behind: Mapping[str, Collection[str]] = MappingProxyType({})
+
+    def check(self, scenario: Scenario) -> None:
+        """Raise WiringError for a scenario that cannot run so, with every reason."""
+        named = [f"{one.name} ({one.host})" for one in scenario.participants if one.host]
+        if named:
+            raise WiringError(
+                f"{', '.join(named)}: to run on another host; say with --hosts FILE where that is, "
+                "or have it here with `--set NAME.host=`"
+            )
+
+    def opened(self, run: RunView, launcher: Launcher, mesh: Mesh) -> AbstractContextManager[None]:
+        """Reach the other hosts, and leave them at the end with nothing of the run.
+
+        Raises StartFailed where one cannot be reached.
+        """
+        return contextlib.nullcontext()
+
+    def start(self, spec: ParticipantSpec, options: dict[str, Any]) -> ParticipantState:
+        """Start a participant on its host, or let the user; raises StartFailed."""
+        raise NotImplementedError
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -27,15 +59,18 @@ class Processes:
 
     start_order: names of the participants that are started, in this order; default: all, as in the
     scenario. is_star: they are linked to the orchestrator only, which passes on what they publish.
+    elsewhere: reaches those on other hosts.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     start_order: Sequence[str] | None = None
     is_star: bool = False
+    elsewhere: Elsewhere = dataclasses.field(default_factory=Elsewhere)
 
     def check(self, scenario: Scenario) -> None:
-        """Do nothing: every scenario runs here."""
+        """Raise WiringError for a scenario that needs other hosts than those that are given."""
+        self.elsewhere.check(scenario)
 
     @contextlib.contextmanager
     def open(self, run: RunView) -> Iterator[tuple[Bus, Strategy]]:
@@ -47,7 +82,15 @@ class Processes:
             order = self.start_order or [spec.name for spec in scenario.participants]
             specs = [one for one in scenario.participants if one.name in order]
             started = dataclasses.replace(scenario, participants=tuple(specs))
-            mesh = make_mesh(started, launcher.folder, run.key, held, is_star=self.is_star)
+            distant = self.elsewhere
+            mesh = make_mesh(
+                started,
+                launcher.folder,
+                run.key,
+                held,
+                is_star=self.is_star,
+                behind=distant.behind,
+            )
             slots = RunSlots()
             # The orchestrator passes on what it plays.
             if not self.is_star:
@@ -61,7 +104,8 @@ class Processes:
                 Live(run=run.key, token=run.token, endpoint=mesh.caller).save(run.out)
                 stack.callback(forget, run.out)
                 stack.callback(slots.close)
-                yield bus, _Launch(launcher, mesh, slots, order)
+                stack.enter_context(distant.opened(run, launcher, mesh))
+                yield bus, _Launch(launcher, mesh, slots, order, distant)
         finally:
             held.close()
             for name, text in launcher.end_all():
@@ -74,12 +118,18 @@ class _Launch(Strategy):
     has_links = True
 
     def __init__(
-        self, launcher: Launcher, mesh: Mesh, slots: RunSlots, start_order: Sequence[str]
+        self,
+        launcher: Launcher,
+        mesh: Mesh,
+        slots: RunSlots,
+        start_order: Sequence[str],
+        elsewhere: Elsewhere,
     ) -> None:
         self._mesh = mesh
         self.slots = slots
         self._launcher = launcher
         self._start_order = start_order
+        self._elsewhere = elsewhere
 
     def launch(self, run: RunView) -> None:
         """Start the participants in their order; let the user start those that are external."""
@@ -88,7 +138,10 @@ class _Launch(Strategy):
         all_started()
 
     def _start(self, spec: ParticipantSpec, run: RunView) -> ParticipantState:
-        options = run.start_options(spec) | {"slots": self.slots.folder}
+        options = run.start_options(spec)
+        if spec.name not in self._mesh.participants:
+            return self._elsewhere.start(spec, options)
+        options |= {"slots": self.slots.folder}
         folder = options.pop("folder", run.state.scenario.folder)
         endpoint = self._mesh.participants[spec.name]
         if spec.is_external:

@@ -29,10 +29,10 @@ def rehearse(scenario: Scenario, problems: Problems, warnings: list[str] | None 
     with ExitStack() as stack:
         asked = []
         for spec in scenario.participants:
-            lacking = "" if spec.is_external else missing(spec)
+            lacking = missing(spec) if spec.is_here else ""
             if lacking:
                 problems.add(("participants", spec.name), lacking)
-            elif spec.participant and not spec.is_external:
+            elif spec.participant and spec.is_here:
                 asked.append((spec, stack.enter_context(_asked(scenario, spec))))
         for spec, process in asked:
             answer, printed = _answer(scenario, spec, process)

@@ -15,7 +15,7 @@ from stepbus_orchestrator.run.extension import Host, RunExtension, overriding
 from stepbus_orchestrator.run.extensions import with_defaults
 from stepbus_orchestrator.run.files import RunFiles
 from stepbus_orchestrator.run.folder import default_folder
-from stepbus_orchestrator.run.hosts import InProcess, Processes
+from stepbus_orchestrator.run.hosts import Elsewhere, InProcess, Processes
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
 from stepbus_orchestrator.run.run import Run
@@ -39,11 +39,17 @@ class Options:
     extensions: Sequence[RunExtension] = ()
 
 
-def host_of(*, in_process: bool, owns_descriptors: bool = False, is_star: bool = False) -> Host:
-    """Return the host of a run; owns_descriptors, is_star: as of `InProcess`."""
+def host_of(
+    *,
+    in_process: bool,
+    owns_descriptors: bool = False,
+    is_star: bool = False,
+    elsewhere: Elsewhere | None = None,
+) -> Host:
+    """Return the host of a run; the others: as of `InProcess` and `Processes`."""
     if in_process:
         return InProcess(owns_descriptors=owns_descriptors, is_star=is_star)
-    return Processes(is_star=is_star)
+    return Processes(is_star=is_star, elsewhere=elsewhere or Elsewhere())
 
 
 def run(

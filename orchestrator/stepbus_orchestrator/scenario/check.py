@@ -28,8 +28,8 @@ def check(scenario: Scenario, problems: Problems) -> None:
         _add(problems, keys, _mistakes(spec, specs, scenario))
         program = (*keys, "participant" if spec.participant else "exec")
         is_given = bool(spec.participant or spec.exec) and not problems.has(program)
-        # What the user starts need not be on this machine.
-        if is_given and not spec.is_external:
+        # Others need not be on this machine.
+        if is_given and spec.is_here:
             problems.attempt(program, partial(check_program, spec, scenario.folder))
     _check_loops(scenario, specs, problems)
     _check_params(scenario, problems)

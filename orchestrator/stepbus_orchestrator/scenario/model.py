@@ -101,6 +101,9 @@ class ParticipantRow(Settings, dict=True):
     start: Literal["child", "external"] = "child"
     """Who starts it: the orchestrator, or you, with `stepbus join`
     ([attach.md](../guide/running/attach.md)). Changes no result."""
+    host: Name | Literal[""] = ""
+    """Name of the host on which it runs; `--hosts` says where that is
+    ([hosts.md](../guide/running/hosts.md)). Changes no result. Default: this one."""
     real_time: bool = False
     """Whether it has to keep time in a run in real time
     ([real_time.md](../guide/running/real_time.md)). Changes no result."""
@@ -143,6 +146,11 @@ class ParticipantRow(Settings, dict=True):
         return self.start == "external"
 
     @property
+    def is_here(self) -> bool:
+        """Return whether the orchestrator starts it on this host."""
+        return self.start == "child" and not self.host
+
+    @property
     def hold(self) -> HoldSpec | None:
         """Return how the run continues when it fails; None: it ends."""
         if isinstance(self.on_fault, HoldSpec):
@@ -152,7 +160,7 @@ class ParticipantRow(Settings, dict=True):
     @cached_property
     def deadlines(self) -> Deadlines:
         """Return how long it may take."""
-        spawn_s = EXTERNAL_SPAWN_S if self.is_external else Deadlines.spawn_s
+        spawn_s = Deadlines.spawn_s if self.start == "child" else EXTERNAL_SPAWN_S
         return Deadlines(
             spawn_s=self.spawn_timeout_ns / 1e9 if self.spawn_timeout_ns else spawn_s,
             join_s=self.join_timeout_ns / 1e9,
@@ -188,6 +196,8 @@ class ParticipantRow(Settings, dict=True):
             yield (), "needs either 'participant', a class, or 'exec', the command of a program"
         elif not self.exec[0]:
             yield ("exec",), "needs the name of a program"
+        if self.host and self.is_external:
+            yield ("host",), "is for a participant that stepbus starts there; omit it, or `start`"
         if self.on_late == "fail" and not self.real_time:
             yield ("on_late",), "applies only with real_time true"
         for index, word in enumerate(self.exec):
@@ -232,9 +242,13 @@ def message_problems(
 
 
 class ParticipantSpec(ParticipantRow):
-    """A participant of a scenario, with its name."""
+    """A participant of a scenario, with its name.
+
+    folder: base of its relative file names; empty: that of the scenario.
+    """
 
     name: str
+    folder: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -139,7 +139,7 @@ def missing(spec: ParticipantSpec) -> str:
 
 def check_installed(scenario: Scenario) -> None:
     """Raise ExtraMissing where participants cannot start for want of a package."""
-    lacking = ((spec.name, missing(spec)) for spec in scenario.participants if not spec.is_external)
+    lacking = ((spec.name, missing(spec)) for spec in scenario.participants if spec.is_here)
     lines = [f"participants.{name}: {text}" for name, text in lacking if text]
     if lines:
         raise ExtraMissing("\n".join(lines))

@@ -126,7 +126,7 @@ def _reply(query: Any, data: bytes, encoding: str) -> None:
 
 
 class ZenohBus:
-    """A `Bus` over one Zenoh session; `run` names the key space.
+    """A `Bus` over one Zenoh session, `session`; `run` names the key space.
 
     Raises BusError when the endpoint cannot be opened.
     """
@@ -145,7 +145,7 @@ class ZenohBus:
             config = zenoh.Config()
             for path, value in zenoh_settings(endpoint, users_file).items():
                 config.insert_json5(path, json.dumps(value))
-            self._session: Any = _opened(zenoh, config)
+            self.session: Any = _opened(zenoh, config)
         except zenoh.ZError as exc:
             where = ", ".join(endpoint.listen)
             why = _SOURCE.sub("", str(exc)).strip()
@@ -177,7 +177,7 @@ class ZenohBus:
     def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
         """Return the put function of a publisher that blocks rather than drops."""
         locality = self._zenoh.Locality
-        publisher = self._session.declare_publisher(
+        publisher = self.session.declare_publisher(
             self._prefix + key,
             encoding=encoding,
             congestion_control=self._zenoh.CongestionControl.BLOCK,
@@ -214,7 +214,7 @@ class ZenohBus:
 
     def _subscribe(self, key: str, on_sample: Callable[[Any], None]) -> None:
         self._held.append(
-            self._session.declare_subscriber(self._prefix + key, self._direct(on_sample))
+            self.session.declare_subscriber(self._prefix + key, self._direct(on_sample))
         )
 
     def _direct(self, callback: Callable[[Any], None]) -> Any:
@@ -226,7 +226,7 @@ class ZenohBus:
 
     def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterator[bytes]:
         """Yield the replies to a query as they arrive, until the time-out."""
-        replies: Any = self._session.get(
+        replies: Any = self.session.get(
             self._prefix + key,
             payload=data,
             encoding=encoding,
@@ -247,12 +247,12 @@ class ZenohBus:
 
         handler = self._direct(on_query)
         self._held.append(
-            self._session.declare_queryable(self._prefix + key, handler, complete=True)
+            self.session.declare_queryable(self._prefix + key, handler, complete=True)
         )
 
     def declare_alive(self, key: str) -> None:
         """Declare a liveliness token, which lasts until the session closes or the process dies."""
-        self._held.append(self._session.liveliness().declare_token(self._prefix + key))
+        self._held.append(self.session.liveliness().declare_token(self._prefix + key))
 
     def watch_alive(self, key: str, sink: Callable[[str, bool], None]) -> None:
         """Call `sink` with (key, alive) now and whenever a liveliness token changes."""
@@ -260,15 +260,15 @@ class ZenohBus:
         def on_sample(sample: Any) -> None:
             sink(self._key(sample), sample.kind == self._zenoh.SampleKind.PUT)
 
-        token = self._session.liveliness().declare_subscriber(
+        token = self.session.liveliness().declare_subscriber(
             self._prefix + key, self._direct(on_sample), history=True
         )
         self._held.append(token)
 
     def close(self) -> None:
         """Close the session; a process with an open one and a callback hangs at its exit."""
-        if not self._session.is_closed():
+        if not self.session.is_closed():
             # Zenoh gives up after 10 s, where a put to a process that reads nothing is not over.
             with contextlib.suppress(self._zenoh.ZError):
-                self._session.close()
+                self.session.close()
         self._held.clear()

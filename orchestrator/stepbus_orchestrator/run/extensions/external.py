@@ -107,8 +107,9 @@ class StartedHere(RunExtension):
     """Starts all participants here, those with `start: external` too."""
 
     def prepare(self, scenario: Scenario) -> Scenario:
-        """Return a scenario without external participants."""
-        return scenario.changed(external_names(scenario), start="child")
+        """Return a scenario without participants that are external, or on another host."""
+        names = [spec.name for spec in scenario.participants if not spec.is_here]
+        return scenario.changed(names, start="child", host="")
 
 
 def external_names(scenario: Scenario) -> list[str]:

@@ -41,10 +41,11 @@ def check_scenario(scenario: Scenario, instead: str = "omit --in-process") -> No
     if threading.current_thread() is not threading.main_thread():
         # Signals, which interrupt a late participant, are handled there only.
         raise WiringError(f"a run in one process takes the main thread of your program; {instead}")
-    external = [spec.name for spec in scenario.participants if spec.is_external]
-    if external:
+    elsewhere = [spec.name for spec in scenario.participants if not spec.is_here]
+    if elsewhere:
         raise WiringError(
-            f"{', '.join(external)}: an external participant needs its own process; {instead}"
+            f"{', '.join(elsewhere)}: a participant that is external, or on another host, needs a "
+            f"process of its own; {instead}"
         )
     faults = faults_of(scenario.faults, PROCESS_FAULTS)
     if faults:

@@ -68,7 +68,7 @@ def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome
             for port, item in spec.outputs.items()
         },
         params=dict(spec.params),
-        folder=str(scenario.folder.resolve()),
+        folder=spec.folder or str(scenario.folder.resolve()),
         max_outputs_bytes=max_message_bytes(scenario),
         types=dict(scenario.types.only(_port_types(spec, specs)).declarations),
     )

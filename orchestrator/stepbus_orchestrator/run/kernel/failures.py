@@ -14,7 +14,9 @@ def late_to_start(state: RunState, participant: ParticipantState) -> StartFailed
     pid = participant.process.pid
     # A child leads a group of its own, to which the user may send a signal.
     target = -pid if participant.external is None else pid
-    cause = participant.process.activity().reason(target, participant.in_phase_s)
+    activity = participant.process.activity()
+    silence = participant.process.silence()
+    cause = f"it {silence}." if silence else activity.reason(target, participant.in_phase_s)
     return state.failure(
         StartFailed,
         participant,
@@ -64,7 +66,8 @@ def late_for_step(state: RunState, late: list[ParticipantState]) -> StepTimeout:
         step = first.waiting.step
     when = state.at(step)
     what = "; ".join(
-        f"{one.who()} {_holds(state, one)} deadline {one.limit('step')}" for one in late
+        f"{one.who()} {_silence(one) or _holds(state, one)} deadline {one.limit('step')}"
+        for one in late
     )
     return StepTimeout(f"{when}: {what}", participant=first.name, step=step)
 
@@ -73,6 +76,12 @@ def _waits_in_held_step(participant: ParticipantState) -> bool:
     ahead = participant.spec.every if participant.spec.publishes == "first" else 0
     waiting = participant.waiting
     return waiting is not None and waiting.step + ahead == participant.held_step
+
+
+def _silence(participant: ParticipantState) -> str:
+    """Return that the host of a participant is out of reach; empty: it is not."""
+    silence = participant.process.silence()
+    return f"{silence}, and has held the step for {participant.holds_s:.1f} s;" if silence else ""
 
 
 def _holds(state: RunState, participant: ParticipantState) -> str:

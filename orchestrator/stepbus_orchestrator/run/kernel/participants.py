@@ -91,7 +91,7 @@ class ParticipantState:
     def who(self) -> str:
         """Return its name and process id, as error messages give them."""
         if self.external is None:
-            return f"{self.name} (pid {self.process.pid})"
+            return f"{self.name} ({self.process.where()})"
         pid = f", pid {self.external.pid}" if self.external.pid else ""
         return f"{self.name} (external{pid})"
 

@@ -1,0 +1,1 @@
+"""Participants on other hosts: one port, mutual TLS, processes over SSH."""

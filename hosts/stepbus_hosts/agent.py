@@ -1,0 +1,176 @@
+"""Starts and ends the processes of one run on this host, for an orchestrator on another one.
+
+The orchestrator starts it by SSH, and speaks with it over its standard input and output. When
+these close, or nothing has come for the lease, it ends all that it has started; should it be killed
+itself, its reaper does.
+"""
+
+import contextlib
+import hashlib
+import os
+import select
+import signal
+import sys
+import time
+from pathlib import Path
+
+from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.replay.sources import Sources
+from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.program import command
+from stepbus_participant import make_folder, write_file
+from stepbus_schemas import StepbusError
+
+from . import wire
+from .versions import host_versions
+
+SCENARIO = "scenario"
+"""The key of the scenario itself among its files."""
+_LOOK_S = 0.02
+_KEPT_S = 30 * 86400
+
+
+class _Lost(Exception):
+    """The orchestrator is out of reach, or has ended."""
+
+
+class _Agent:
+    def __init__(self) -> None:
+        self._frames = wire.Frames(0)
+        self._lease_s, self._beat_s = 60.0, 1.0
+        self._heard = self._sent = time.monotonic()
+        self._launcher: Launcher | None = None
+        self._order: wire.Open | None = None
+        self._cache = Path()
+        self._home = Path()
+        self._read: dict[str, int] = {}
+        self._ended: set[str] = set()
+
+    def work(self) -> None:
+        """Do what the orchestrator asks for, until it is gone."""
+        os.write(1, wire.MARK)
+        try:
+            while True:
+                self._turn()
+        except (_Lost, EOFError, OSError):
+            return
+        except StepbusError as exc:
+            self._send(wire.Problem(str(exc)))
+        finally:
+            left = [] if self._launcher is None else self._launcher.end_all()
+            with contextlib.suppress(OSError):
+                self._report()
+                self._send(wire.Left(left))
+
+    def _turn(self) -> None:
+        ready, _, _ = select.select([0], [], [], _LOOK_S)
+        now = time.monotonic()
+        if ready:
+            self._heard = now
+            for frame in self._frames.read():
+                self._take(frame)
+        elif now - self._heard > self._lease_s:
+            raise _Lost
+        self._report()
+        if now - self._sent > self._beat_s:
+            self._send(wire.Beat())
+
+    def _send(self, frame: wire.Frame) -> None:
+        """Send a frame; where nobody takes it for the lease, we are killed, and the reaper acts."""
+        self._sent = time.monotonic()
+        signal.setitimer(signal.ITIMER_REAL, self._lease_s)
+        data = memoryview(wire.packed(frame))
+        while data:
+            data = data[os.write(1, data) :]
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+    def _take(self, frame: wire.Frame) -> None:
+        match frame:
+            case wire.Open():
+                self._open(frame)
+            case wire.Content(files=files):
+                for content in files.values():
+                    name = hashlib.sha256(content).hexdigest()
+                    write_file(self._cache / name, content, 0o600)
+                self._unpack()
+            case wire.Start():
+                self._start(frame)
+            case wire.Signal(name=name, number=number):
+                if (child := self._children.get(name)) is not None:
+                    child.signal(number)
+            case wire.Close():
+                raise _Lost
+
+    def _open(self, order: wire.Open) -> None:
+        self._order, self._lease_s = order, order.lease_s
+        self._beat_s = min(0.5, order.lease_s / 4)
+        self._cache = Path(order.folder).expanduser() / "files"
+        make_folder(self._cache)
+        for path in self._cache.iterdir():
+            if path.stat().st_mtime < time.time() - _KEPT_S:
+                path.unlink(missing_ok=True)
+        self._launcher = Launcher(run=order.run, token=order.token)
+        missing = [name for name in set(order.files.values()) if not self._has(name)]
+        origin = os.environ.get("SSH_CONNECTION", "").partition(" ")[0]
+        self._send(wire.Greeting(host_versions(), origin, missing))
+        if not missing:
+            self._unpack()
+
+    def _has(self, name: str) -> bool:
+        """Return whether a file is in the cache, whole and unchanged."""
+        try:
+            content = (self._cache / name).read_bytes()
+            os.utime(self._cache / name)
+        except OSError:
+            return False
+        return hashlib.sha256(content).hexdigest() == name
+
+    def _unpack(self) -> None:
+        assert self._order is not None  # noqa: S101
+        assert self._launcher is not None  # noqa: S101
+        files = {k: (self._cache / v).read_bytes() for k, v in self._order.files.items()}
+        sources = Sources(files.pop(SCENARIO), files)
+        self._home = sources.unpack(self._launcher.folder / "source").parent
+
+    @property
+    def _children(self) -> dict[str, Child]:
+        return {} if self._launcher is None else self._launcher.children
+
+    def _start(self, order: wire.Start) -> None:
+        assert self._launcher is not None  # noqa: S101
+        row = {"exec": order.program, "join_timeout_ns": order.join_timeout_ns}
+        spec = ParticipantSpec(name=order.name, **row)
+        try:
+            argv = command(order.program, self._home)
+            child = self._launcher.start(spec, argv, order.endpoint, self._home, **order.fields)
+        except (StartFailed, StepbusError) as exc:
+            self._send(wire.Started(order.name, problem=str(exc)))
+            return
+        self._read[order.name] = 0
+        self._send(wire.Started(order.name, child.pid))
+
+    def _report(self) -> None:
+        """Send what participants have printed, and which have ended."""
+        for name, child in self._children.items():
+            code = None if name in self._ended else child.exit_code()
+            with contextlib.suppress(FileNotFoundError), child.log.open("rb") as file:
+                file.seek(self._read[name])
+                while text := file.read(1 << 16):
+                    self._read[name] += len(text)
+                    self._send(wire.Printed(name, text))
+            if code is not None:
+                self._ended.add(name)
+                self._send(wire.Ended(name, code))
+
+
+def main() -> None:
+    """Work for the orchestrator at the other end of standard input and output."""
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+        signal.signal(number, lambda *_: sys.exit(1))
+    _Agent().work()
+
+
+if __name__ == "__main__":
+    main()

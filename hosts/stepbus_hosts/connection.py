@@ -1,0 +1,248 @@
+"""A host that is reached over SSH: its agent, and the processes that this has started."""
+
+import contextlib
+import os
+import shlex
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.processes.activity import NOTHING, Activity
+from stepbus_orchestrator.processes.child import Process
+from stepbus_participant import append_to
+
+from . import wire
+from .hosts_file import HostSpec
+
+_CONNECT_S = 10
+_GREET_S = 30.0
+_FILES_S = 600.0
+_END_S = 8.0
+_KILL_S = 5.0
+_SHOWN = 400
+
+
+class Connection:
+    """The agent on a host.
+
+    name: of the host in the scenario. greeting: what it has said of itself; pid: of `ssh`.
+
+    Raises StartFailed where it cannot be reached, or stepbus is not there.
+    """
+
+    def __init__(self, name: str, spec: HostSpec, order: wire.Open) -> None:
+        self.name, self.spec = name, spec
+        self._lease_s = order.lease_s
+        self._processes: dict[str, RemoteProcess] = {}
+        self._queue = SimpleQueue[wire.Frame | None]()
+        self._lost, self._heard = "", time.monotonic()
+        self._answers = SimpleQueue[Any]()
+        self._left: list[tuple[str, str]] = []
+        there = shlex.join([spec.python, "-P", "-m", "stepbus_hosts.agent"])
+        options = ("-T", "-oBatchMode=yes", f"-oConnectTimeout={_CONNECT_S}", *spec.ssh)
+        try:
+            self._ssh = subprocess.Popen(
+                ["ssh", *options, "--", spec.destination, f"exec {there}"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                # Ctrl-C in the terminal does not reach it.
+                start_new_session=True,
+            )
+        except OSError as exc:
+            raise StartFailed(f"host {name}: ssh cannot be started: {exc.strerror}") from exc
+        self.pid = self._ssh.pid
+        self._threads = [
+            threading.Thread(target=work, name=f"ssh {name}", daemon=True)
+            for work in (self._read, self._write)
+        ]
+        for thread in self._threads:
+            thread.start()
+        self._queue.put(order)
+
+    def greeting(self) -> wire.Greeting:
+        """Wait for what the agent says of itself; raises StartFailed where it says nothing."""
+        greeting: wire.Greeting = self._answer(_GREET_S)
+        return greeting
+
+    def deliver(self, missing: Mapping[str, bytes]) -> None:
+        """Send the files that the host lacks, SHA-256 → content."""
+        if missing:
+            self._queue.put(wire.Content(dict(missing)))
+
+    def start(self, order: wire.Start, log: Path) -> "RemoteProcess":
+        """Start a participant; raises StartFailed where that cannot be done."""
+        process = self._processes[order.name] = RemoteProcess(self, order.name, log)
+        self._queue.put(order)
+        started: wire.Started = self._answer(_FILES_S, order.name)
+        if started.problem:
+            raise StartFailed(f"on {self.name}: {started.problem}", participant=order.name)
+        process.remote_pid = started.pid
+        return process
+
+    def _answer(self, wait_s: float, participant: str | None = None) -> Any:
+        try:
+            answer = self._answers.get(timeout=wait_s)
+        except Empty:
+            answer = wire.Problem(f"has not answered for {wait_s:g} s")
+        if isinstance(answer, wire.Problem):
+            spec = self.spec
+            try_it = shlex.join(["ssh", *spec.ssh, spec.destination, spec.python, "--version"])
+            raise StartFailed(
+                f"host {self.name} ({spec.destination}): {answer.text}; try `{try_it}`",
+                participant=participant,
+            )
+        return answer
+
+    def send(self, frame: wire.Frame) -> None:
+        """Send the agent a frame."""
+        self._queue.put(frame)
+
+    def lost(self) -> str:
+        """Return why the host is out of reach; empty: it is not."""
+        silent_s = time.monotonic() - self._heard
+        if not self._lost and silent_s > self._lease_s:
+            self._lost = f"nothing has come from it for {silent_s:.1f} s"
+            self._ssh.kill()
+        return self._lost
+
+    def silent_s(self) -> float:
+        """Return how long nothing has come from the host [s]."""
+        return time.monotonic() - self._heard
+
+    def close(self) -> list[tuple[str, str]]:
+        """End all that is left there; return (participant, warning) of what had to be ended."""
+        self._queue.put(wire.Close())
+        self._queue.put(None)
+        try:
+            self._ssh.wait(0.1 if self._lost else _END_S)
+        except subprocess.TimeoutExpired:
+            self._ssh.kill()
+            self._ssh.wait()  # no time-out: it was killed
+            if not self._lost:
+                self._left.append((self.name, f"its agent did not end within {_END_S:g} s"))
+        for thread in self._threads:
+            thread.join(_KILL_S)
+        return self._left
+
+    # --- its threads --------------------------------------------------------------------------
+
+    def _write(self) -> None:
+        assert self._ssh.stdin is not None  # noqa: S101
+        beat_s = min(0.5, self._lease_s / 4)
+        with contextlib.suppress(OSError):
+            while True:
+                try:
+                    frame = self._queue.get(timeout=beat_s)
+                except Empty:
+                    frame = wire.Beat()
+                if frame is None:
+                    break
+                self._ssh.stdin.write(wire.packed(frame))
+                self._ssh.stdin.flush()
+        with contextlib.suppress(OSError):
+            self._ssh.stdin.close()
+
+    def _read(self) -> None:
+        assert self._ssh.stdout is not None  # noqa: S101
+        assert self._ssh.stderr is not None  # noqa: S101
+        frames = wire.Frames(self._ssh.stdout.fileno(), wire.MARK)
+        why = ""
+        try:
+            while True:
+                for frame in frames.read():
+                    self._heard = time.monotonic()
+                    self._take(frame)
+        except EOFError:
+            said = self._ssh.stderr.read().decode(errors="replace").strip()
+            why = " ".join(said.splitlines()[-3:])[-_SHOWN:] or "the connection was closed"
+        except Exception as exc:  # noqa: BLE001  (whatever it sends, it is lost)
+            why = f"does not speak as its agent: {exc}"
+        self._lost = self._lost or why
+        self._answers.put(wire.Problem(why))
+        for process in self._processes.values():
+            process.is_over.set()
+
+    def _take(self, frame: wire.Frame) -> None:
+        match frame:
+            case wire.Printed(name=name, text=text):
+                with os.fdopen(append_to(self._processes[name].log), "ab") as file:
+                    file.write(text)
+            case wire.Ended(name=name, code=code):
+                self._processes[name].code = code
+                self._processes[name].is_over.set()
+            case wire.Left(rows=rows):
+                self._left += [(name, f"on {self.name}, {text}") for name, text in rows]
+            case wire.Greeting() | wire.Started() | wire.Problem():
+                self._answers.put(frame)
+
+
+class RemoteProcess(Process):
+    """A participant's process on another host. remote_pid: its process id there."""
+
+    def __init__(self, host: Connection, name: str, log: Path) -> None:
+        super().__init__(log)
+        self._host, self._name = host, name
+        self.remote_pid = 0
+        self.code: int | None = None
+        self.is_over = threading.Event()
+        self.silent: Callable[[], str] = lambda: ""
+        self._is_terminated = False
+
+    def where(self) -> str:
+        """Return its process id there, and its host."""
+        return f"pid {self.remote_pid} on {self._host.name}"
+
+    def exit_code(self) -> int | None:
+        """Return its exit code; 255, as `ssh` does, where its host is lost."""
+        if self.code is None and self._host.lost():
+            return 255
+        return self.code
+
+    def how_it_ended(self) -> str:
+        """Return a phrase for its end."""
+        if self.code is None and (why := self._host.lost()):
+            return f"is lost with its host {self._host.name}: {why}"
+        return f"on {self._host.name} {super().how_it_ended()}"
+
+    def silence(self) -> str:
+        """Return that nothing comes from its host, and since when; empty: its host answers."""
+        silent_s = self._host.silent_s()
+        if silent_s > 1.0:
+            return f"is on {self._host.name}, from which nothing has come for {silent_s:.1f} s"
+        return self.silent()
+
+    def activity(self) -> Activity:
+        """Return nothing: what it does there is not known here."""
+        return NOTHING
+
+    def signal(self, number: int) -> None:
+        """Send it a signal, and all it has started."""
+        self._host.send(wire.Signal(self._name, number))
+
+    def wait(self, timeout_s: float) -> bool:
+        """Return whether it has ended within a time [s]."""
+        give_up = time.monotonic() + timeout_s
+        while self.exit_code() is None and (left_s := give_up - time.monotonic()) > 0:
+            self.is_over.wait(min(left_s, 0.1))
+        return self.exit_code() is not None
+
+    def terminate(self) -> None:
+        """Ask it once to end, and all it has started."""
+        if self.exit_code() is None and not self._is_terminated:
+            self._is_terminated = True
+            self.signal(signal.SIGTERM)
+            self.signal(signal.SIGCONT)
+
+    def end(self, grace_s: float = 1.0) -> None:
+        """Terminate it, then kill it and all it has started."""
+        self.terminate()
+        if not self.wait(grace_s):
+            self.signal(signal.SIGKILL)
+            self.wait(_KILL_S)

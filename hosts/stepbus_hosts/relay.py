@@ -1,0 +1,141 @@
+"""The gateway of a run, as a process: all other hosts reach this one, and nothing else.
+
+`python -m stepbus_hosts.relay` reads an `Order`, a line of JSON, from its standard input, and `cut
+NAME` for each participant whose link is to end; when that closes, it ends. Its standard error tells
+each link that opens and closes, and which are silent, a line of JSON each. Its standard output is
+Zenoh's log, in which refused connections and messages are told: Zenoh tells its program nothing.
+
+Zenoh routes what participants publish on its own threads. No Python is between them.
+"""
+
+import contextlib
+import json
+import os
+import select
+import socket
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from stepbus_participant import BusError, Endpoint, ZenohBus
+
+_LOOK_S = 0.5
+_TCP_INFO_BYTES = 104
+_RETRANSMITS, _LAST_ACKED, _RTT = 2, 8 + 4 * 12, 8 + 4 * 15
+"""Places in the kernel's `struct tcp_info`: how often the oldest segment has been repeated, how
+long nothing was acknowledged [ms], and the smoothed round-trip time [µs]."""
+
+
+class Order(msgspec.Struct):
+    """What a relay has to know. run: names the key space."""
+
+    endpoint: Endpoint
+    run: str
+
+
+def _tell(**row: Any) -> None:
+    # In one piece: Zenoh's thread tells of links, ours of silence.
+    with contextlib.suppress(BrokenPipeError):
+        os.write(2, f"{json.dumps(row)}\n".encode())
+
+
+def _sockets() -> Iterator[socket.socket]:
+    """Yield the TCP sockets of this process."""
+    for path in filter(Path.is_socket, list(Path("/proc/self/fd").iterdir())):
+        # It may have been closed meanwhile.
+        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(path.name))) as found:
+            if found.family in (socket.AF_INET, socket.AF_INET6):
+                yield found
+
+
+def _port() -> int:
+    """Return the port on which Zenoh listens."""
+    option = socket.SOL_SOCKET, socket.SO_ACCEPTCONN
+    return next(int(s.getsockname()[1]) for s in _sockets() if s.getsockopt(*option))
+
+
+class _Links:
+    """The links that participants have opened. names: address of the other end → participant."""
+
+    def __init__(self) -> None:
+        self.names: dict[str, str] = {}
+        self._told: dict[str, int] = {}
+
+    def changed(self, event: Any) -> None:
+        """Take a link that has opened or closed; the gateway's own ones have no certificate."""
+        name, address = event.link.auth_identifier, str(event.link.dst).removeprefix("tls/")
+        if name is None:
+            return
+        is_open = "PUT" in str(event.kind)
+        if is_open:
+            self.names[address] = name
+        else:
+            self.names.pop(address, None)
+        _tell(**{"linked" if is_open else "closed": name, "address": address})
+
+    def _open(self) -> Iterator[tuple[str, socket.socket]]:
+        for link in _sockets():
+            with contextlib.suppress(OSError):
+                host, port = link.getpeername()[:2]
+                address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+                if address in self.names:
+                    yield self.names[address], link
+
+    def cut(self, name: str) -> None:
+        """End the links of a participant, under Zenoh."""
+        for owner, link in self._open():
+            if owner == name:
+                with contextlib.suppress(OSError):
+                    link.shutdown(socket.SHUT_RDWR)
+
+    def look(self) -> None:
+        """Tell the round-trip time of each link, and for how long its other end is silent [ms]."""
+        silent = {}
+        for name, link in self._open():
+            info = link.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _TCP_INFO_BYTES)
+            acked_ms = int.from_bytes(info[_LAST_ACKED : _LAST_ACKED + 4], sys.byteorder)
+            silent[name] = acked_ms if info[_RETRANSMITS] else 0
+            if name not in self._told:
+                self._told[name] = 0
+                _tell(rtt_us={name: int.from_bytes(info[_RTT : _RTT + 4], sys.byteorder)})
+        if any(silent.values()) or any(self._told.values()):
+            _tell(silent_ms=silent)
+        self._told = {name: silent.get(name, 0) for name in self._told}
+
+
+def main() -> None:
+    """Relay until the orchestrator closes our standard input."""
+    import zenoh  # noqa: PLC0415  (its log has to be set up before a session)
+
+    # Unbuffered: what follows is waited for.
+    with open(0, "rb", buffering=0, closefd=False) as stdin:
+        order = msgspec.json.decode(stdin.readline(), type=Order)
+    zenoh.init_log_from_env_or("error")
+    try:
+        bus = ZenohBus(order.endpoint, order.run)
+    except BusError as exc:
+        _tell(failed=str(exc))
+        return
+    links = _Links()
+    listener = bus.session.info.declare_link_events_listener(links.changed, history=True)
+    _tell(port=_port())
+    try:
+        while True:
+            ready, _, _ = select.select([0], [], [], _LOOK_S)
+            if ready:
+                line = os.read(0, 4096)
+                if not line:
+                    break
+                for name in line.decode().replace("cut ", "").split():
+                    links.cut(name)
+            links.look()
+    finally:
+        listener.undeclare()
+        bus.close()
+
+
+if __name__ == "__main__":
+    main()
