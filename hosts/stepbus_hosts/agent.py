@@ -140,8 +140,9 @@ class _Agent:
 
     def _start(self, order: wire.Start) -> None:
         assert self._launcher is not None  # noqa: S101
-        row = {"exec": order.program, "join_timeout_ns": order.join_timeout_ns}
-        spec = ParticipantSpec(name=order.name, **row)
+        spec = ParticipantSpec(
+            name=order.name, exec=order.program, join_timeout_ns=order.join_timeout_ns
+        )
         try:
             argv = command(order.program, self._home)
             child = self._launcher.start(spec, argv, order.endpoint, self._home, **order.fields)

@@ -139,7 +139,9 @@ class Attached(Process):
     def __init__(self, ticket: Path, log: Path, address: str, children: Collection[Child]) -> None:
         super().__init__(log)
         self.ticket = ticket
-        self.cut = lambda: cut_links(address, self.pid, [child.pid for child in children])
+        self.cut: Callable[[], None] = lambda: cut_links(
+            address, self.pid, [child.pid for child in children]
+        )
         self.is_silent: Callable[[], str] = str
         self._has_left = False
 
