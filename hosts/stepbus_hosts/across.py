@@ -151,15 +151,19 @@ class Across(Elsewhere):
             return ParticipantState(spec, attached, external=attached)
         connection = self._links[spec.host]
         fields = {key: options[key] for key in ("faults", "checkpoint") if key in options}
+        if options.get("profile") is not None:
+            run.warn(spec.name, "is not profiled: its profile would be on another host")
         order = wire.Start(
             spec.name,
             tuple(spec.program),
             spec.join_timeout_ns,
-            gateway.endpoint_of(spec.name, connection.spec.reaches),
+            gateway.endpoint_of(
+                spec.name, connection.spec.reaches, compress=connection.spec.compress
+            ),
             msgspec.to_builtins(fields),
         )
         process = connection.start(order, run.out / LOGS_FOLDER / f"{spec.name}.log")
-        process.silent = lambda: gateway.silence(spec.name)
+        process.is_silent = lambda: gateway.silence(spec.name)
         run.timing.event("spawn", spec.name, f"pid {process.remote_pid} on {spec.host}")
         return ParticipantState(spec, process)
 

@@ -25,6 +25,8 @@ _GREET_S = 30.0
 _FILES_S = 600.0
 _END_S = 8.0
 _KILL_S = 5.0
+_SILENT_S = 1.5
+"""Three times as long as two beats are apart."""
 _SHOWN = 400
 
 
@@ -192,7 +194,7 @@ class RemoteProcess(Process):
         self.remote_pid = 0
         self.code: int | None = None
         self.is_over = threading.Event()
-        self.silent: Callable[[], str] = lambda: ""
+        self.is_silent: Callable[[], str] = str
         self._is_terminated = False
 
     def where(self) -> str:
@@ -214,9 +216,9 @@ class RemoteProcess(Process):
     def silence(self) -> str:
         """Return that nothing comes from its host, and since when; empty: its host answers."""
         silent_s = self._host.silent_s()
-        if silent_s > 1.0:
-            return f"is on {self._host.name}, from which nothing has come for {silent_s:.1f} s"
-        return self.silent()
+        if silent_s > _SILENT_S:
+            return f"nothing has come from host {self._host.name} for {silent_s:.1f} s"
+        return self.is_silent()
 
     def activity(self) -> Activity:
         """Return nothing: what it does there is not known here."""

@@ -67,15 +67,17 @@ class External(RunExtension):
         """Tell the command that starts a participant."""
         if participant.external is None:
             return
-        command = shlex.join(["stepbus", "join", str(participant.external.ticket)])
+        ticket = participant.external.ticket
+        command = shlex.join(["stepbus", "join", str(ticket)])
+        how = f"start it with `{command}`"
+        if participant.spec.folder:
+            how = (
+                f"copy {ticket} and the scenario's folder to its host, and start it there, in that "
+            )
+            how += f"folder, with `stepbus join {ticket.name}`"
         own = shlex.join(participant.spec.program)
-        self._tell(
-            participant,
-            (
-                f"start it with `{command}`, which runs `{own}`; append `-- PROGRAM` to run "
-                "another program"
-            ),
-        )
+        text = f"{how}, which runs `{own}`; append `-- PROGRAM` to run another program"
+        self._tell(participant, text)
 
     def awaiting(self, participants: Iterable[ParticipantState]) -> None:
         """Tell from time to time which have not come yet, or not left."""
