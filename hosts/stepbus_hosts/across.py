@@ -83,7 +83,8 @@ class Across(Elsewhere):
                     self._hosts[name].folder,
                     self._digests,
                 )
-                connection = self._links[name] = Connection(name, self._hosts[name], order)
+                connection = Connection(name, self._hosts[name], order, run.interrupt)
+                self._links[name] = connection
                 stack.enter_context(launcher.guarded(connection.pid))
                 stack.callback(self._leave, connection)
             origin = self._greet(files)

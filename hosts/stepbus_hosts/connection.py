@@ -5,6 +5,7 @@ import os
 import shlex
 import signal
 import subprocess
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -12,7 +13,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.errors import Interrupted, StartFailed
 from stepbus_orchestrator.processes.activity import NOTHING, Activity
 from stepbus_orchestrator.processes.child import Process
 from stepbus_participant import append_to
@@ -28,24 +29,29 @@ _KILL_S = 5.0
 _SILENT_S = 1.5
 """Three times as long as two beats are apart."""
 _SHOWN = 400
+_LONGEST = 1 << 24
+"""What an agent sends is smaller, such as 64 KiB of output [bytes]."""
 
 
 class Connection:
     """The agent on a host.
 
-    name: of the host in the scenario. greeting: what it has said of itself; pid: of `ssh`.
+    name: of the host in the scenario. interrupt: ends the wait for an answer. pid: of `ssh`.
 
     Raises StartFailed where it cannot be reached, or stepbus is not there.
     """
 
-    def __init__(self, name: str, spec: HostSpec, order: wire.Open) -> None:
-        self.name, self.spec = name, spec
+    def __init__(
+        self, name: str, spec: HostSpec, order: wire.Open, interrupt: threading.Event
+    ) -> None:
+        self.name, self.spec, self._interrupt = name, spec, interrupt
         self._lease_s = order.lease_s
         self._processes: dict[str, RemoteProcess] = {}
         self._queue = SimpleQueue[wire.Frame | None]()
         self._lost, self._heard = "", time.monotonic()
         self._answers = SimpleQueue[Any]()
         self._left: list[tuple[str, str]] = []
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115  (open as long as `ssh`)
         there = shlex.join([spec.python, "-P", "-m", "stepbus_hosts.agent"])
         options = ("-T", "-oBatchMode=yes", f"-oConnectTimeout={_CONNECT_S}", *spec.ssh)
         try:
@@ -53,7 +59,7 @@ class Connection:
                 ["ssh", *options, "--", spec.destination, f"exec {there}"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
+                stderr=self._said,
                 # Ctrl-C in the terminal does not reach it.
                 start_new_session=True,
             )
@@ -89,10 +95,16 @@ class Connection:
         return process
 
     def _answer(self, wait_s: float, participant: str | None = None) -> Any:
-        try:
-            answer = self._answers.get(timeout=wait_s)
-        except Empty:
-            answer = wire.Problem(f"has not answered for {wait_s:g} s")
+        give_up, answer = time.monotonic() + wait_s, None
+        while answer is None:
+            with contextlib.suppress(Empty):
+                answer = self._answers.get(timeout=0.1)
+            if self._interrupt.is_set():
+                raise Interrupted(f"interrupted while waiting for host {self.name}")
+            if answer is None and (why := self.lost()):
+                answer = wire.Problem(why)
+            if answer is None and time.monotonic() > give_up:
+                answer = wire.Problem(f"has not answered for {wait_s:g} s")
         if isinstance(answer, wire.Problem):
             spec = self.spec
             try_it = shlex.join(["ssh", *spec.ssh, spec.destination, spec.python, "--version"])
@@ -131,6 +143,7 @@ class Connection:
                 self._left.append((self.name, f"its agent did not end within {_END_S:g} s"))
         for thread in self._threads:
             thread.join(_KILL_S)
+        self._said.close()
         return self._left
 
     # --- its threads --------------------------------------------------------------------------
@@ -153,8 +166,7 @@ class Connection:
 
     def _read(self) -> None:
         assert self._ssh.stdout is not None  # noqa: S101
-        assert self._ssh.stderr is not None  # noqa: S101
-        frames = wire.Frames(self._ssh.stdout.fileno(), wire.MARK)
+        frames = wire.Frames(self._ssh.stdout.fileno(), wire.MARK, _LONGEST)
         why = ""
         try:
             while True:
@@ -162,7 +174,8 @@ class Connection:
                     self._heard = time.monotonic()
                     self._take(frame)
         except EOFError:
-            said = self._ssh.stderr.read().decode(errors="replace").strip()
+            self._said.seek(0)
+            said = self._said.read(1 << 16).decode(errors="replace").strip()
             why = " ".join(said.splitlines()[-3:])[-_SHOWN:] or "the connection was closed"
         except Exception as exc:  # noqa: BLE001  (whatever it sends, it is lost)
             why = f"does not speak as its agent: {exc}"

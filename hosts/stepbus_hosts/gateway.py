@@ -166,6 +166,8 @@ class Gateway:
 
     def silence(self, name: str) -> str:
         """Return that a participant's host did not answer when last seen; empty: it did."""
+        if self._failed:
+            return self._failed
         silent_s = self.silent_s.get(name, 0.0)
         return f"{self.links[name]} has not answered for {silent_s:.1f} s" if silent_s else ""
 
@@ -190,7 +192,7 @@ class Gateway:
             self._process.stdin.write(line + b"\n")
             self._process.stdin.flush()
         except (OSError, ValueError):
-            self._failed = self._failed or "the gateway has ended"
+            self._failed = self._failed or f"the gateway (pid {self.pid}) has ended"
 
     def _read(self) -> None:
         """Take what the process tells, and Zenoh in it, until it ends."""
@@ -208,7 +210,7 @@ class Gateway:
             elif line.endswith("Msg intercepted!"):
                 self._refuse(f"a message of {unowned or 'a participant'}, not its own key")
                 unowned = ""
-        self._failed = self._failed or "the gateway has ended"
+        self._failed = self._failed or f"the gateway (pid {self.pid}) has ended"
         self._is_up.set()
 
     def _take(self, row: dict[str, Any]) -> None:
