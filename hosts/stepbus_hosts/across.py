@@ -59,6 +59,11 @@ class Across(Elsewhere):
                 "--listen is for participants on other hosts, which the scenario has none of; name "
                 "those that you start yourself with --external"
             )
+        if self._hosts and not any(one.host for one in scenario.participants):
+            raise WiringError(
+                "--hosts: no participant has a host; give one to it, such as "
+                f"`--set {scenario.participants[-1].name}.host={next(iter(self._hosts))}`"
+            )
         if scenario.bus.transport == "tcp":
             raise WiringError(
                 "bus.transport: tcp is TCP on loopback; with participants on other hosts, leave it "

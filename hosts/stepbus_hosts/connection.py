@@ -48,7 +48,8 @@ class Connection:
         self._lease_s = order.lease_s
         self._processes: dict[str, RemoteProcess] = {}
         self._queue = SimpleQueue[wire.Frame | None]()
-        self._lost, self._heard = "", time.monotonic()
+        # Until it has said anything, it has as long as for its greeting.
+        self._lost, self._heard = "", time.monotonic() + _GREET_S
         self._answers = SimpleQueue[Any]()
         self._left: list[tuple[str, str]] = []
         self._said = tempfile.TemporaryFile()  # noqa: SIM115  (open as long as `ssh`)
