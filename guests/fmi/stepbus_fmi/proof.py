@@ -57,16 +57,14 @@ def _ask(question: dict[str, Any], folder: str) -> Any:
 
 def _main() -> None:
     # The process that asks has them already, or needs none.
-    from .instance import started  # noqa: PLC0415
+    from .instance import Instance  # noqa: PLC0415
     from .model import read_model  # noqa: PLC0415
     from .start import start_values  # noqa: PLC0415
-    from .units import Units  # noqa: PLC0415
 
     asked = json.load(sys.stdin)
     params = Params.of(asked["params"], Path())
     model = read_model(params.fmu, params.inside, params.start)
-    values = start_values(model, Units(model.description), params.start, Problems())
-    instance = started(model, params, values)
+    instance = Instance(model, params, start_values(model, params.start, Problems()))
     groups = instance.values(model.of("output"))
 
     def go(first: int, count: int) -> list[str]:
