@@ -12,7 +12,7 @@ from stepbus_schemas import Description, Message, Row, WiringError, fields_of, s
 from stepbus_schemas.declaration import class_declaration
 
 from .model import Model, Variable, kind_of, names_of
-from .params import Link
+from .params import Link, Params
 
 _ELEMENT = re.compile(r"(.+)\[([^\[\]]+)\]")
 
@@ -95,73 +95,70 @@ def _place(names: list[str], text: str) -> int:
     raise WiringError(f"{text!r} is no place of a vector{suggest(text, names)}")
 
 
-class Wiring:
-    """Finds the wires of an FMU's inputs, from the descriptions of their sources."""
+def wires(
+    model: Model,
+    config: Config,
+    descriptions: Mapping[str, Description],
+    params: Params,
+    problems: Problems,
+) -> dict[str, list[Wire]]:
+    """Return the wires of the inputs by port; adds what is wrong, such as a port without any.
 
-    def __init__(
-        self, model: Model, config: Config, descriptions: Mapping[str, Description]
-    ) -> None:
-        self._model = model
-        self._ports = {
-            port: _Port(port, config.types[item.type], descriptions.get(port, Description()))
-            for port, item in config.inputs.items()
-        }
+    descriptions: of the sources, by port.
+    """
+    ports = {
+        port: _Port(port, config.types[item.type], descriptions.get(port, Description()))
+        for port, item in config.inputs.items()
+    }
+    found: dict[str, Wire] = {}
+    for name, link in params.inputs.items():
+        keys = ("inputs", name)
+        found |= problems.attempt(keys, partial(_linked, model, ports, name, link)) or {}
+    inputs = [name for name, item in model.places.items() if item.causality == "input"]
+    for name in [name for name in inputs if name not in found] if params.by_name else ():
+        found |= problems.attempt(("inputs",), partial(_automatic, model, ports, name)) or {}
+    left = [name for name in inputs if name not in found]
+    made = {port: [wire for wire in found.values() if wire.port == port] for port in ports}
+    for port in [port for port in ports if not made[port] and not len(problems)]:
+        problems.add(
+            ("inputs",),
+            f"nothing of the input port {port!r} has the name of an input variable; say what "
+            f"goes where: `params: {{inputs: {{{(left or ['u'])[0]}: {port}.NAME}}}}` (of the "
+            f"port: {', '.join(ports[port].offers[:8])}; open variables: "
+            f"{', '.join(left[:8]) or 'none'})",
+        )
+    return made
 
-    def wires(
-        self, links: Mapping[str, Link], problems: Problems, *, by_name: bool = True
-    ) -> list[Wire]:
-        """Return the wires; adds what is wrong, such as a port without a variable.
 
-        by_name: whether inputs that no link names are connected by their names.
-        """
-        found: dict[str, Wire] = {}
-        for name, link in links.items():
-            keys = ("inputs", name)
-            found |= problems.attempt(keys, partial(self._linked, name, link)) or {}
-        places = self._model.places.items()
-        left = [n for n, item in places if item.causality == "input" and n not in found]
-        for name in left if by_name else ():
-            found |= problems.attempt(("inputs",), partial(self._automatic, name)) or {}
-        used = {wire.port for wire in found.values()}
-        left = [name for name in left if name not in found]
-        for port in [port for port in self._ports if port not in used and not len(problems)]:
-            problems.add(
-                ("inputs",),
-                f"nothing of the input port {port!r} has the name of an input variable; say what "
-                f"goes where: `params: {{inputs: {{{(left or ['u'])[0]}: {port}.NAME}}}}` (of the "
-                f"port: {', '.join(self._ports[port].offers[:8])}; open variables: "
-                f"{', '.join(left[:8]) or 'none'})",
-            )
-        return list(found.values())
+def _automatic(model: Model, ports: Mapping[str, _Port], name: str) -> dict[str, Wire]:
+    """Return the wire of an input that no link names: of the one port that has its name."""
+    having = [port for port, item in ports.items() if name in item.names]
+    if len(having) > 1:
+        text = f"{name} is in several ports, {', '.join(having)}; say in `inputs` which"
+        raise WiringError(text)
+    if having:
+        return _linked(model, ports, name, Link(from_=f"{having[0]}.{name}"))
+    port, _, what = name.partition(".")
+    match = _ELEMENT.fullmatch(what)
+    if port not in ports or (match[1] if match else what) not in ports[port].fields:
+        return {}
+    if match and match[2].isdigit():
+        what = f"{match[1]}[{int(match[2]) - 1}]"  # FMI counts from 1
+    return _linked(model, ports, name, Link(from_=f"{port}.{what}"))
 
-    def _automatic(self, name: str) -> dict[str, Wire]:
-        """Return the wire of an input that no link names: of the one port that has its name."""
-        ports = [port for port, item in self._ports.items() if name in item.names]
-        if len(ports) > 1:
-            text = f"{name} is in several ports, {', '.join(ports)}; say in `inputs` which"
-            raise WiringError(text)
-        if ports:
-            return self._linked(name, Link(from_=f"{ports[0]}.{name}"))
-        port, _, what = name.partition(".")
-        match = _ELEMENT.fullmatch(what)
-        if port not in self._ports or (match[1] if match else what) not in self._ports[port].fields:
-            return {}
-        if match and match[2].isdigit():
-            what = f"{match[1]}[{int(match[2]) - 1}]"  # FMI counts from 1
-        return self._linked(name, Link(from_=f"{port}.{what}"))
 
-    def _linked(self, name: str, link: Link) -> dict[str, Wire]:
-        """Return the wires of a link by their targets: one, or one for each element of an array."""
-        item, port, what = ends_of(self._model, self._ports, name, link)
-        source, units, found = self._ports[port], self._model.units, {}
-        for index, target in enumerate([name] if name in self._model.places else names_of(item)):
-            part = what
-            if target != name:
-                # Of an array: the element of the same name, or in the same place.
-                part = target.replace(name, what, 1)
-                part = part if part in source.names else f"{what}[{index}]"
-            field, places, unit = source.find(part)
-            factor, offset = units.conversion(unit, item.unit) if link.convert else (1.0, 0.0)
-            scale = factor * link.factor, factor * link.offset + offset
-            found[target] = Wire(port, field, places, item, target, scale)
-        return found
+def _linked(model: Model, ports: Mapping[str, _Port], name: str, link: Link) -> dict[str, Wire]:
+    """Return the wires of a link by their targets: one, or one for each element of an array."""
+    item, port, what = ends_of(model, ports, name, link)
+    source, found = ports[port], {}
+    for index, target in enumerate([name] if name in model.places else names_of(item)):
+        part = what
+        if target != name:
+            # Of an array: the element of the same name, or in the same place.
+            part = target.replace(name, what, 1)
+            part = part if part in source.names else f"{what}[{index}]"
+        field, places, unit = source.find(part)
+        factor, offset = model.units.conversion(unit, item.unit) if link.convert else (1.0, 0.0)
+        scale = factor * link.factor, factor * link.offset + offset
+        found[target] = Wire(port, field, places, item, target, scale)
+    return found

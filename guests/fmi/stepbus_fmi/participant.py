@@ -21,8 +21,8 @@ from stepbus_schemas import Description, Message, WiringError, suggest
 
 from .files import PORTS
 from .instance import Instance
-from .links import Wire, Wiring, ends_of
-from .model import Variable, kind_of, names_of, read_model
+from .links import ends_of, wires
+from .model import kind_of, names_of, read_model
 from .params import Params
 from .proof import state_problem
 from .start import read_value, start_values
@@ -31,14 +31,8 @@ from .units import registry
 _KINDS = {type_: kind for _, kind, type_ in PORTS}
 
 
-class _State(msgspec.Struct):
-    """What `save` returns. done: steps. held: input → value, as last set. before: as `_before`."""
-
-    fmu: bytes
-    done: int
-    held: dict[str, Any]
-    before: dict[str, float]
-    ended: bool
+_State = tuple[bytes, int, dict[str, Any], dict[str, float], bool]
+"""What `save` returns: of the FMU; steps done; inputs as last set, and before; whether it ended."""
 
 
 class Fmu(Participant):
@@ -98,37 +92,34 @@ class Fmu(Participant):
 
     def _row(self, port: str, problems: Problems) -> dict[str, Any]:
         """Return field → name of a value, list of these, or a constant, of an output port."""
-        type_name = self.config.outputs[port].type
+        type_name, model = self.config.outputs[port].type, self.model
         fields = self.config.types[type_name].__struct_fields__
-        mapped = self._params.outputs.get(port)
-        if mapped is None and type_name in _KINDS:
-            found = self._published(_KINDS[type_name], problems)
+        row = dict(self._params.outputs.get(port, {}))
+        if not row and type_name in _KINDS:
+            kind = _KINDS[type_name]
+            more = (
+                problems.attempt(("params", "publish"), partial(model.find, name))
+                for name in self._params.publish
+            )
+            more = (item for item in more if item is not None and kind_of(item) is kind)
+            found = dict.fromkeys((*model.of("output", kind), *more))
             if not found:
-                text = f"{self.model.file} has no such output variables; leave the port out"
+                text = f"{model.file} has no such output variables; leave the port out"
                 problems.add(("outputs", port), text)
             return {"values": [name for item in found for name in names_of(item)]}
-        if mapped is None:
+        if not row:
             text = f"say which variables {type_name} has: `params: {{outputs: {{{port}: …}}}}`"
             problems.add(("outputs", port), text)
-        row = {field: value for field, value in (mapped or {}).items() if field != "names"}
-        for field in (field for field in row if field not in fields):
-            text = f"{type_name} has no field {field!r}{suggest(field, fields)}"
-            problems.add(("params", "outputs", port, field), text)
-        # The name of an array stands for those of its values.
-        arrays = {item.name: item for item in self.model.variables.values() if item.shape}
-        return {
-            field: names_of(arrays[value]) if isinstance(value, str) and value in arrays else value
-            for field, value in row.items()
-        }
-
-    def _published(self, kind: type, problems: Problems) -> list[Variable]:
-        """Return the variables of a kind that are published without being asked for one by one."""
-        found = self.model.of("output", kind)
-        for name in self._params.publish:
-            item = problems.attempt(("params", "publish"), partial(self.model.find, name))
-            if item is not None and kind_of(item) is kind and item not in found:
-                found.append(item)
-        return found
+        row.pop("names", None)
+        for field, value in row.items():
+            if field not in fields:
+                text = f"{type_name} has no field {field!r}{suggest(field, fields)}"
+                problems.add(("params", "outputs", port, field), text)
+            if isinstance(value, str) and value in model.variables:
+                # An array stands for its values.
+                item = model.variables[value]
+                row[field] = names_of(item) if item.shape else value
+        return row
 
     def _maker(self, port: str) -> Callable[[], Message]:
         """Return what makes the message of an output port."""
@@ -177,14 +168,10 @@ class Fmu(Participant):
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Connect the input variables; raises SettingsError that lists what is wrong."""
         problems = self.config.problems()
-        wiring = Wiring(self.model, self.config, inputs)
-        links, by_name = self._params.inputs, self._params.by_name
-        wires = wiring.wires(links, problems.below(("params",)), by_name=by_name)
+        below = problems.below(("params",))
+        self._wires = wires(self.model, self.config, inputs, self._params, below)
         problems.refuse()
-        self._wires: dict[str, list[Wire]] = {port: [] for port in self.config.inputs}
-        for wire in wires:
-            self._wires[wire.port].append(wire)
-        used = dict.fromkeys(wire.variable for wire in wires)
+        used = dict.fromkeys(wire.variable for some in self._wires.values() for wire in some)
         values = self._instance.values
         self._continuous = values(v for v in used if v.variability == "continuous")
         self._discrete = values(v for v in used if v.variability != "continuous")
@@ -197,9 +184,9 @@ class Fmu(Participant):
     def update(self, step: Step) -> dict[str, Message] | None:
         """Set the inputs, and do the step from this time to the next."""
         instance = self._instance
-        for port, wires in self._wires.items():
+        for port in self._wires:
             if step.is_new(port) and (message := step.get(port)) is not None:
-                self._take(port, wires, message)
+                self._take(port, message)
         now = self._params.start_time + self._done * self._h
         self._done += 1
         if not instance.ended:
@@ -214,8 +201,8 @@ class Fmu(Participant):
             step.end(f"the FMU {self.model.description.modelName} ends the simulation")
         return None if self.config.publishes == "first" else self.output(step)
 
-    def _take(self, port: str, wires: list[Wire], message: Message) -> None:
-        for wire in wires:
+    def _take(self, port: str, message: Message) -> None:
+        for wire in self._wires[port]:
             item = wire.variable
             try:
                 value = wire.value(message)
@@ -269,14 +256,14 @@ class Fmu(Participant):
         if not self._is_proved:
             return None
         fmu, ended = self._instance.save(), self._instance.ended
-        return msgspec.msgpack.encode(_State(fmu, self._done, self._next, self._before, ended))
+        return msgspec.msgpack.encode((fmu, self._done, self._next, self._before, ended))
 
     def restore(self, state: bytes) -> None:
         """Take a state of another process."""
-        saved = msgspec.msgpack.decode(state, type=_State)
-        self._instance.restore(saved.fmu)
-        self._done, self._next, self._before = saved.done, saved.held, saved.before
-        self._instance.ended = saved.ended
+        fmu, *kept, ended = msgspec.msgpack.decode(state, type=_State)
+        self._instance.restore(fmu)
+        self._done, self._next, self._before = kept
+        self._instance.ended = ended
 
     def close(self) -> None:
         """End the FMU."""
