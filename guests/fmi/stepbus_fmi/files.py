@@ -111,8 +111,7 @@ def ssp_scenario(path: Path) -> dict[str, Any]:
     """Return the scenario of a system of FMUs; raises WiringError for one that cannot run."""
     from .ssp import system_scenario  # noqa: PLC0415  (most scenarios have none)
 
-    made: dict[str, Any] = system_scenario(path)
-    return made
+    return system_scenario(path)
 
 
 def about(spec: Any, scenario: Any) -> list[str]:

@@ -1,15 +1,17 @@
-"""What a model description says: the variables of an FMU, their units, what it can do."""
+"""What a model description says, and the start values that a scenario gives its variables."""
 
 import io
 import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
+from math import isfinite, prod
 from pathlib import Path
 from typing import IO, Any
 
-from stepbus_participant import need, suggest
+from stepbus_participant import Problems, need, suggest
+from stepbus_participant.parameters import show
 from stepbus_schemas import WiringError, error_text
 
 from .units import Units
@@ -23,6 +25,7 @@ KINDS: Mapping[str, type] = {
     "Binary": bytes,
 }
 """Type of FMI 2 or 3 → what its values are in Python."""
+_SAID = {float: "a finite number", int: "an integer", bool: "true or false", str: "a text"}
 Variable = Any
 """FMPy's `ModelVariable`; its unit may be its type's, its shape be set by start values."""
 
@@ -167,3 +170,67 @@ def _shape(item: Any, start: Mapping[str, Any], name: str) -> Iterator[int]:
         if not str(size).isdigit():
             raise WiringError(f"{name}: the size of {item.name} is {size!r}, no whole number")
         yield int(size)
+
+
+def start_values(model: Model, given: Mapping[str, Any], problems: Problems) -> dict[str, Any]:
+    """Return variable → list of values, as the FMU takes them; adds what is wrong."""
+    found = {}
+    for name, value in named(given).items():
+        read = problems.attempt(("start", name), partial(_read, model, name, value))
+        if read is not None:
+            found[name] = read
+    return found
+
+
+def _read(model: Model, name: str, value: Any) -> list[Any]:
+    item = model.find(name)
+    if item.causality != "input" and item.initial not in ("exact", "approx"):
+        what = f"{item.variability} {item.causality}"
+        raise WiringError(f"{name} is a {what} variable that the FMU computes; it cannot be set")
+    values = _flat(value) if item.shape else [value]
+    if len(values) != prod(item.shape):
+        shape = " × ".join(map(str, item.shape))
+        raise WiringError(f"{name} has {prod(item.shape)} values ({shape}), not {len(values)}")
+    return [read_value(item, one, model.units) for one in values]
+
+
+def _flat(value: Any) -> list[Any]:
+    if not isinstance(value, list | tuple):
+        return [value]
+    return [one for part in value for one in _flat(part)]
+
+
+def read_value(item: Variable, value: Any, units: Units) -> Any:
+    """Return one value of a variable; raises WiringError for one that it cannot have."""
+    kind = kind_of(item)
+    if isinstance(value, str) and kind is float:
+        return _number(item, value, units)
+    if isinstance(value, str) and kind is int:
+        items = {one.name: int(one.value) for one in getattr(item.declaredType, "items", ())}
+        if value in items:
+            return items[value]
+        raise WiringError(f"{item.name} has no item {value!r}{suggest(value, items)}")
+    if isinstance(value, str) and kind is bytes:
+        try:
+            return bytes.fromhex(value)
+        except ValueError as exc:
+            raise WiringError(f"{item.name} takes bytes in hexadecimal, not {value!r}") from exc
+    if type(value) is int and kind is float:
+        return float(value)
+    if type(value) is not kind or (isinstance(value, float) and not isfinite(value)):
+        wanted = _SAID.get(kind, "bytes in hexadecimal")
+        raise WiringError(f"{item.name} is {wanted}, not {show(value)}")
+    return value
+
+
+def _number(item: Variable, text: str, units: Units) -> float:
+    first, _, unit = text.strip().partition(" ")
+    try:
+        amount = float(first)
+    except ValueError as exc:
+        example = f"3 {item.unit}" if item.unit else "3"
+        raise WiringError(f"{item.name} is a number, such as {example}, not {text!r}") from exc
+    if unit and not item.unit:
+        raise WiringError(f"{item.name} has no unit, but {text!r} has one")
+    factor, offset = units.conversion(unit.strip(), item.unit)
+    return amount * factor + offset

@@ -22,10 +22,9 @@ from stepbus_schemas import Description, Message, WiringError, suggest
 from .files import PORTS
 from .instance import Instance
 from .links import ends_of, wires
-from .model import kind_of, names_of, read_model
+from .model import kind_of, names_of, read_model, read_value, start_values
 from .params import Params
 from .proof import state_problem
-from .start import read_value, start_values
 from .units import registry
 
 _KINDS = {type_: kind for _, kind, type_ in PORTS}
@@ -143,20 +142,18 @@ class Fmu(Participant):
 
     def describe(self) -> dict[str, Description]:
         """Return the names of all values, and their units."""
-        return {port: self._description(port) for port in self._rows}
-
-    def _description(self, port: str) -> Description:
-        names = self._params.outputs.get(port, {}).get("names")
-        if isinstance(names, str):
-            return Description(like=names)
-        if names is not None:
-            return Description(names=list(names))
-        if self.config.outputs[port].type not in _KINDS:
-            return Description()
-        names = self._rows[port].get("values", [])
-        places = self.model.places
-        units = [places[name].unit for name in names if name in places]
-        return Description(names=names, details={"unit": units} if any(units) else {})
+        found, places = {}, self.model.places
+        for port, row in self._rows.items():
+            names = self._params.outputs.get(port, {}).get("names")
+            found[port] = Description(names=list(names or ()))
+            if isinstance(names, str):
+                found[port] = Description(like=names)
+            elif names is None and self.config.outputs[port].type in _KINDS:
+                names = row.get("values", [])
+                units = [places[name].unit for name in names if name in places]
+                details = {"unit": units} if any(units) else {}
+                found[port] = Description(names=names, details=details)
+        return found
 
     def versions(self) -> dict[str, str]:
         """Return the version of FMPy, and what the FMU says of itself."""
