@@ -1,20 +1,13 @@
-"""FMUs (Functional Mock-up Interface 2.0 and 3.0, co-simulation) take part in runs.
-
-Everything is imported when it is first used: the help of the commands loads this package.
-"""
+"""FMUs (Functional Mock-up Interface 2.0 and 3.0, co-simulation) take part in runs."""
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from .params import Params
-    from .participant import Fmu
-
-__all__ = ["Fmu", "Params"]
+_MODULES = {"Fmu": ".participant", "Params": ".params"}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
+    # Nothing is imported before it is used: the help of the commands loads this package.
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = import_module(".participant" if name == "Fmu" else ".params", __name__)
-    return getattr(module, name)
+    return getattr(import_module(_MODULES[name], __name__), name)

@@ -4,7 +4,7 @@ import shutil
 import tempfile
 import zlib
 from collections import deque
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from ctypes import byref
 from functools import partial
@@ -16,12 +16,12 @@ from fmpy.fmi1 import FMICallException
 from fmpy.logging import addLoggerProxy
 
 from stepbus_participant import scratch_folder, warn
-from stepbus_schemas import RunError, WiringError, error_text
+from stepbus_schemas import RunError, WiringError
 
-from .model import Model, Variable, open_fmu
+from .model import Model, Variable, kind_of, names_of, open_fmu
 from .params import Params
 
-_STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
+_STATUS = dict(enumerate(("ok", "warning", "discard", "error", "fatal", "pending")))
 _DISCARD, _FATAL = 2, 4
 _MOST_UPDATES = 1000
 """Updates of the discrete states at one time, after which they are taken not to end."""
@@ -53,12 +53,8 @@ class _Partial:
 
 
 # FMPy goes by the beginning of these names.
-class FMU2Partial(_Partial, fmi2.FMU2Slave):  # type: ignore[misc]
-    """Without some functions."""
-
-
-class FMU3Partial(_Partial, fmi3.FMU3Slave):  # type: ignore[misc]
-    """Without some functions."""
+_Fmu2 = type("FMU2Partial", (_Partial, fmi2.FMU2Slave), {})
+_Fmu3 = type("FMU3Partial", (_Partial, fmi3.FMU3Slave), {})
 
 
 class Values:
@@ -67,21 +63,21 @@ class Values:
     names: of the values, in their order.
     """
 
-    def __init__(self, fmu: Any, major: int, variables: Sequence[Variable]) -> None:
-        self._type, self.kind = variables[0].type_name, variables[0].kind
-        self.names = [name for item in variables for name in item.names]
-        function = self._type
+    def __init__(self, fmu: Any, variables: Sequence[Variable]) -> None:
+        self._type, self.kind = variables[0].type, kind_of(variables[0])
+        self.names = [name for item in variables for name in names_of(item)]
+        is_2, function = isinstance(fmu, _Fmu2), self._type
         if function == "Enumeration":
-            function = "Integer" if major == 2 else "Int64"
-        references = [item.reference for item in variables]
-        count = () if major == 2 else (len(self.names),)
+            function = "Integer" if is_2 else "Int64"
+        references = [item.valueReference for item in variables]
+        count = () if is_2 else (len(self.names),)
         self._buffer: Any = None
         if self.kind in (str, bytes):
             self._get = partial(getattr(fmu, f"get{function}"), references, *count)
             self._set = partial(getattr(fmu, f"set{function}"), references)
             return
         # FMPy's own methods make new buffers at each call.
-        module, prefix = (fmi2, "fmi2") if major == 2 else (fmi3, "fmi3")
+        module, prefix = (fmi2, "fmi2") if is_2 else (fmi3, "fmi3")
         self._buffer = (getattr(module, f"{prefix}{function}") * len(self.names))()
         handles = (getattr(module, f"{prefix}ValueReference") * len(references))(*references)
         arguments = (fmu.component, handles, len(references), self._buffer, *count)
@@ -116,54 +112,51 @@ def _call(fmu: Any, name: str, *args: Any) -> None:
         raise FMICallException(name, status)
 
 
-def started(model: Model, params: Params, values: Mapping[str, Any]) -> "Instance":
-    """Return an instance that is initialized; values: variable → start value."""
-    instance = Instance(model, params.fmu, params.inside, logs=params.log)
-    try:
-        instance.instantiate(event_mode=params.event_mode)
-        instance.initialize(values, params.start_time, params.tolerance)
-    except FmuError as exc:
-        instance.close()
-        raise WiringError(f"{model.file} cannot be initialized: {exc}") from exc
-    except BaseException:
-        instance.close()
-        raise
-    return instance
-
-
 class Instance:
-    """An FMU that is unpacked, and then started by `instantiate` and `initialize`.
+    """An FMU that is initialized. What it logs goes to standard output; errors quote the last.
 
-    logs: whether it logs all that it can. Its lines go to standard output; errors quote the last.
-    ended: whether it ends the run. Raises WiringError where it cannot be started, else FmuError.
+    values: variable → list of start values. ended: whether it ends the run. Raises WiringError
+    where it cannot be started, then FmuError.
     """
 
-    def __init__(self, model: Model, path: Path, inside: str = "", *, logs: bool = False) -> None:
+    def __init__(self, model: Model, params: Params, values: Mapping[str, Any]) -> None:
         self.model = model
         self.ended = False
-        self._is_3 = model.major == 3
+        self._has_events = model.is_3 and params.event_mode and bool(model.can.hasEventMode)
         self._lines: deque[str] = deque(maxlen=3)
-        self._has_events = self._is_off_grid = False
-        self._may_terminate, self._may_free = False, True
+        self._is_off_grid = self._may_terminate = False
+        self._may_free = True
         self._folder = Path(tempfile.mkdtemp(prefix="stepbus-fmu-", dir=scratch_folder()))
         self._fmu: Any = None
-        self._logs = logs
         try:
-            extract(open_fmu(path, inside), self._folder)
-        except Exception as exc:
+            self._instantiate(params)
+            self._initialize(values, params.start_time, params.tolerance)
+        except FmuError as exc:
             self.close()
-            raise WiringError(f"{model.file} cannot be unpacked: {error_text(exc)}") from exc
+            raise WiringError(f"{model.file} cannot be initialized: {exc}") from exc
+        except BaseException:
+            self.close()
+            raise
 
-    def instantiate(self, *, event_mode: bool) -> None:
-        """Load the program of the FMU, and make the instance."""
-        self._has_events = self._is_3 and event_mode and bool(self.model.can.hasEventMode)
+    def _instantiate(self, params: Params) -> None:
+        """Unpack the FMU, load its program, and make the instance."""
+        more: dict[str, Any] = {"logMessage": self._log, "earlyReturnAllowed": True}
+        more["eventModeUsed"] = self._has_events
+        if not self.model.is_3:
+            calls = fmi2.fmi2CallbackFunctions()
+            calls.logger = fmi2.fmi2CallbackLoggerTYPE(self._log)
+            calls.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
+            calls.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+            addLoggerProxy(byref(calls))
+            more = {"callbacks": calls}
         try:
-            fmu = (FMU3Partial if self._is_3 else FMU2Partial)(
+            extract(open_fmu(params.fmu, params.inside), self._folder)
+            fmu = (_Fmu3 if self.model.is_3 else _Fmu2)(
                 guid=self.model.description.guid,
                 modelIdentifier=self.model.can.modelIdentifier,
                 unzipDirectory=str(self._folder),
             )
-            fmu.instantiate(loggingOn=self._logs, **self._callbacks())
+            fmu.instantiate(loggingOn=params.log, **more)
         except Exception as exc:
             text = str(exc).replace(str(self._folder), self.model.file).rstrip(".")
             if "Cannot find shared library" in text:
@@ -173,46 +166,33 @@ class Instance:
             raise WiringError(self._explained(f"{self.model.file}: {text}")) from exc
         self._fmu = fmu
 
-    def _callbacks(self) -> dict[str, Any]:
-        if self._is_3:
-            more = {"eventModeUsed": self._has_events, "earlyReturnAllowed": True}
-            return {"logMessage": self._log, **more}
-        calls = fmi2.fmi2CallbackFunctions()
-        calls.logger = fmi2.fmi2CallbackLoggerTYPE(self._log)
-        calls.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
-        calls.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
-        addLoggerProxy(byref(calls))
-        return {"callbacks": calls}
-
-    def initialize(self, values: Mapping[str, Any], time: float, tolerance: float | None) -> None:
-        """Set the start values and initialize the FMU at a time [s]."""
-        fmu = self._fmu
-        sizes = {item.name for item in self.model.of("structuralParameter")} & values.keys()
+    def _initialize(self, values: Mapping[str, Any], time: float, tolerance: float | None) -> None:
+        fmu, variables = self._fmu, self.model.variables
+        sizes = [n for n in values if variables[n].causality == "structuralParameter"]
         if sizes:
             self.do(fmu.enterConfigurationMode)
             self._set_start(values, sizes)
             self.do(fmu.exitConfigurationMode)
-        if not self._is_3:
+        if not self.model.is_3:
             self.do(fmu.setupExperiment, tolerance, time, None)
-        self._set_start(values, values.keys() - sizes)
-        self.do(fmu.enterInitializationMode, *((tolerance, time, None) if self._is_3 else ()))
+        self._set_start(values, [name for name in values if name not in sizes])
+        self.do(fmu.enterInitializationMode, *((tolerance, time, None) if self.model.is_3 else ()))
         self.do(fmu.exitInitializationMode)
         self._may_terminate = True
         if self._has_events:
             self._update_discrete_states()
 
-    def _set_start(self, values: Mapping[str, Any], chosen: Collection[str]) -> None:
-        for name in (name for name in values if name in chosen):
-            item = self.model.variables[name]
-            given = values[name] if item.shape else [values[name]]
-            self.do(Values(self._fmu, self.model.major, [item]).set, given)
+    def _set_start(self, values: Mapping[str, Any], chosen: Iterable[str]) -> None:
+        for name in chosen:
+            (group,) = self.values([self.model.variables[name]])
+            self.do(group.set, values[name])
 
     def values(self, variables: Iterable[Variable]) -> list[Values]:
         """Return access to variables, for each type."""
         by_type: dict[str, list[Variable]] = {}
         for item in variables:
-            by_type.setdefault(item.type_name, []).append(item)
-        return [Values(self._fmu, self.model.major, items) for items in by_type.values()]
+            by_type.setdefault(item.type, []).append(item)
+        return [Values(self._fmu, items) for items in by_type.values()]
 
     def get(self, groups: Sequence[Values]) -> dict[str, Any]:
         """Return name → value."""
@@ -241,7 +221,7 @@ class Instance:
 
     def step(self, time: float, h: float) -> None:
         """Do a step of length h [s] at a time; `ended` tells whether the FMU ends the run."""
-        if self._is_3:
+        if self.model.is_3:
             self._step_3(time, h)
             return
         fmu = self._fmu
@@ -302,7 +282,7 @@ class Instance:
     def restore(self, saved: bytes) -> None:
         """Take a state that `save` returned."""
         fmu = self._fmu
-        take = fmu.deserializeFMUState if self._is_3 else fmu.deSerializeFMUstate
+        take = fmu.deserializeFMUState if self.model.is_3 else fmu.deSerializeFMUstate
         state = self.do(take, zlib.decompress(saved))
         try:
             self.do(fmu.setFMUState, state)
@@ -333,7 +313,7 @@ class Instance:
         # After an error, an FMU may only be freed; after a fatal one, not even that.
         self._may_terminate &= exc.status == _DISCARD
         self._may_free &= exc.status != _FATAL
-        name = _STATUS[exc.status] if 0 <= exc.status < len(_STATUS) else str(exc.status)
+        name = _STATUS.get(exc.status, exc.status)
         return FmuError(self._explained(f"{exc.function} returned {name}"))
 
     def _explained(self, text: str) -> str:
@@ -343,8 +323,7 @@ class Instance:
     def _log(self, *said: Any) -> None:
         # FMI 2 says the name of the instance, too.
         status, category, text = said[-3:]
-        name = _STATUS[status] if 0 <= status < len(_STATUS) else str(status)
-        line = (text or b"").decode(errors="replace").strip()
-        print(f"[{name}] {(category or b'').decode(errors='replace')}: {line}", flush=True)  # noqa: T201
+        of, line = ((part or b"").decode(errors="replace").strip() for part in (category, text))
+        print(f"[{_STATUS.get(status, status)}] {of}: {line}", flush=True)  # noqa: T201
         if status > 0:
             self._lines.append(line)

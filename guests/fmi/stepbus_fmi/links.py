@@ -1,7 +1,8 @@
 """Which value of which message an input variable gets."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -10,18 +11,15 @@ from stepbus_participant import Config, Problems
 from stepbus_schemas import Description, Message, Row, WiringError, fields_of, suggest
 from stepbus_schemas.declaration import class_declaration
 
-from .model import Model, Variable
-from .params import Link
-from .units import Units
+from .model import Model, Variable, kind_of, names_of
+from .params import Link, Params
 
 _ELEMENT = re.compile(r"(.+)\[([^\[\]]+)\]")
-Place = tuple[str, tuple[int, ...]]
-"""Field of a message, and the places in it."""
 
 
 @dataclass(frozen=True)
 class Wire:
-    """One value on its way: port and place in its message → name of an input.
+    """One value on its way: port, field and places in it → target, a name of the variable's.
 
     scale: factor and offset.
     """
@@ -38,128 +36,129 @@ class Wire:
         value = getattr(message, self.field)
         for place in self.places:
             value = value[place]
-        if isinstance(value, bool) and self.variable.kind in (int, float):
-            value = self.variable.kind(value)  # 0 or 1, as other tools do
+        if isinstance(value, bool) and (kind := kind_of(self.variable)) in (int, float):
+            value = kind(value)  # 0 or 1, as other tools do
         # Not 1 · value + 0, which turns −0 into 0.
         return value if self.scale == (1.0, 0.0) else value * self.scale[0] + self.scale[1]
 
 
-def _rows(cls: type[Message]) -> dict[str, Row]:
-    """Return the fields of a message type; none of one with parts that no declaration can say."""
-    try:
-        return fields_of(class_declaration(cls))
-    except WiringError:
-        return {}
+def ends_of(model: Model, ports: Iterable[str], name: str, link: Link) -> tuple[Variable, str, str]:
+    """Return the variable of a link, the input port, and what of that; raises WiringError."""
+    item = model.places.get(name) or model.find(name)
+    if item.causality != "input":
+        raise WiringError(f"{name} is no input of the FMU: its causality is {item.causality}")
+    port, _, what = link.from_.partition(".")
+    if port not in ports or not what:
+        text = f"{link.from_!r} names no input port; write PORT.NAME"
+        raise WiringError(text + suggest(port, ports))
+    return item, port, what
 
 
-class Wiring:
-    """Finds the wires of an FMU's inputs, from the descriptions of their sources."""
+class _Port:
+    """What can be had of an input port.
 
-    def __init__(
-        self, model: Model, units: Units, config: Config, descriptions: Mapping[str, Description]
-    ) -> None:
-        self._model = model
-        self._units = units
-        self._rows = {port: _rows(config.types[item.type]) for port, item in config.inputs.items()}
-        self._described = {port: descriptions.get(port, Description()) for port in config.inputs}
+    fields: of its messages. names: of the values of its only field, `vector`; none where it has
+    more fields.
+    """
 
-    def wires(
-        self, links: Mapping[str, Link], problems: Problems, *, by_name: bool = True
-    ) -> list[Wire]:
-        """Return the wires; adds what is wrong, such as a port without a variable.
+    def __init__(self, name: str, cls: type[Message], described: Description) -> None:
+        self.fields: Mapping[str, Row] = {}
+        with suppress(WiringError):  # of parts that no declaration can say
+            self.fields = fields_of(class_declaration(cls))
+        vectors = [name for name, row in self.fields.items() if str(row["type"]).endswith("[n]")]
+        self.vector = vectors[0] if len(vectors) == len(self.fields) == 1 else ""
+        self.names = described.names if self.vector else []
+        self.offers = self.names or list(self.fields)
+        self._name, self._described = name, described
 
-        by_name: whether inputs that no link names are connected by their names.
-        """
-        found: dict[str, Wire] = {}
-        for name, link in links.items():
-            keys = ("inputs", name)
-            found |= problems.attempt(keys, partial(self._linked, name, link)) or {}
-        places = self._model.places.items()
-        left = [n for n, (item, _) in places if item.causality == "input" and n not in found]
-        for name in left if by_name else ():
-            found |= problems.attempt(("inputs",), partial(self._automatic, name)) or {}
-        used = {wire.port for wire in found.values()}
-        left = [name for name in left if name not in found]
-        for port in [port for port in self._rows if port not in used and not len(problems)]:
-            problems.add(
-                ("inputs",),
-                f"nothing of the input port {port!r} has the name of an input variable; say what "
-                f"goes where: `params: {{inputs: {{{(left or ['u'])[0]}: {port}.NAME}}}}` (of the "
-                f"port: {', '.join(self._offers(port)[:8])}; open variables: "
-                f"{', '.join(left[:8]) or 'none'})",
-            )
-        return list(found.values())
-
-    def _offers(self, port: str) -> list[str]:
-        names = self._described[port].names
-        return names if self._vector(port) and names else list(self._rows[port])
-
-    def _vector(self, port: str) -> str:
-        """Return the only field of a port that has a value for each name of it, or nothing."""
-        fields = [
-            name for name, row in self._rows[port].items() if str(row["type"]).endswith("[n]")
-        ]
-        return fields[0] if len(fields) == len(self._rows[port]) == 1 else ""
-
-    def _automatic(self, name: str) -> dict[str, Wire]:
-        """Return the wire of an input that no link names: of the one port that has its name."""
-        ports = [p for p in self._rows if self._vector(p) and name in self._described[p].names]
-        if len(ports) > 1:
-            text = f"{name} is in several ports, {', '.join(ports)}; say in `inputs` which"
-            raise WiringError(text)
-        if ports:
-            return self._linked(name, Link(from_=f"{ports[0]}.{name}"))
-        port, _, rest = name.partition(".")
-        match = _ELEMENT.fullmatch(rest)
-        field = match[1] if match else rest
-        if field not in self._rows.get(port, ()):
-            return {}
-        # FMI counts from 1.
-        place = f"[{int(match[2]) - 1}]" if match and match[2].isdigit() else ""
-        return self._linked(name, Link(from_=f"{port}.{field}{place}"))
-
-    def _linked(self, name: str, link: Link) -> dict[str, Wire]:
-        """Return the wires of a link by their targets: one, or one for each element of an array."""
-        item, first = self._model.places.get(name) or (self._model.find(name), None)
-        if item.causality != "input":
-            raise WiringError(f"{name} is no input of the FMU: its causality is {item.causality}")
-        port, _, what = link.from_.partition(".")
-        if port not in self._rows or not what:
-            text = f"{link.from_!r} names no input port; write PORT.NAME"
-            raise WiringError(text + suggest(port, self._rows))
-        found = {}
-        for index in range(item.size) if first is None else [first]:
-            source = what if first is not None else self._element(port, what, item, index)
-            field, places, unit = self._find(port, source)
-            convert = self._units.conversion(unit, item.unit) if link.convert else (1.0, 0.0)
-            scale = convert[0] * link.factor, convert[0] * link.offset + convert[1]
-            found[item.names[index]] = Wire(port, field, places, item, item.names[index], scale)
-        return found
-
-    def _element(self, port: str, what: str, item: Variable, index: int) -> str:
-        """Return the source of one element of an array: of the same name, or in the same place."""
-        named = item.names[index].replace(item.name, what, 1)
-        return named if named in self._described[port].names else f"{what}[{index}]"
-
-    def _find(self, port: str, what: str) -> tuple[str, tuple[int, ...], str]:
-        """Return field, places and unit of a value of a port."""
-        described, rows, vector = self._described[port], self._rows[port], self._vector(port)
-        if vector and what in described.names:
-            index = described.names.index(what)
+    def find(self, what: str) -> tuple[str, tuple[int, ...], str]:
+        """Return field, places and unit of a value; raises WiringError where there is none."""
+        described = self._described
+        if what in self.names:
+            index = self.names.index(what)
             units = described.details.get("unit", [])
-            return vector, (index,), units[index] if units else rows[vector].get("unit", "")
+            unit = units[index] if units else self.fields[self.vector].get("unit", "")
+            return self.vector, (index,), unit
         match = _ELEMENT.fullmatch(what)
         field, inner = (match[1], match[2].split(",")) if match else (what, [])
-        if field not in rows:
-            offers = self._offers(port)
-            raise WiringError(f"port {port!r} has no {what!r}{suggest(what, offers)}")
-        places = tuple(self._place(described, text.strip()) for text in inner)
-        return field, places, described.units.get(field) or rows[field].get("unit", "")
+        if field not in self.fields:
+            raise WiringError(f"port {self._name!r} has no {what!r}{suggest(what, self.offers)}")
+        places = tuple(_place(described.names, text.strip()) for text in inner)
+        return field, places, described.units.get(field) or self.fields[field].get("unit", "")
 
-    @staticmethod
-    def _place(described: Description, text: str) -> int:
-        if text in described.names:
-            return described.names.index(text)
-        if text.isdigit():
-            return int(text)
-        raise WiringError(f"{text!r} is no place of a vector{suggest(text, described.names)}")
+
+def _place(names: list[str], text: str) -> int:
+    if text in names:
+        return names.index(text)
+    if text.isdigit():
+        return int(text)
+    raise WiringError(f"{text!r} is no place of a vector{suggest(text, names)}")
+
+
+def wires(
+    model: Model,
+    config: Config,
+    descriptions: Mapping[str, Description],
+    params: Params,
+    problems: Problems,
+) -> dict[str, list[Wire]]:
+    """Return the wires of the inputs by port; adds what is wrong, such as a port without any.
+
+    descriptions: of the sources, by port.
+    """
+    ports = {
+        port: _Port(port, config.types[item.type], descriptions.get(port, Description()))
+        for port, item in config.inputs.items()
+    }
+    found: dict[str, Wire] = {}
+    for name, link in params.inputs.items():
+        keys = ("inputs", name)
+        found |= problems.attempt(keys, partial(_linked, model, ports, name, link)) or {}
+    inputs = [name for name, item in model.places.items() if item.causality == "input"]
+    for name in [name for name in inputs if name not in found] if params.by_name else ():
+        found |= problems.attempt(("inputs",), partial(_automatic, model, ports, name)) or {}
+    left = [name for name in inputs if name not in found]
+    made = {port: [wire for wire in found.values() if wire.port == port] for port in ports}
+    for port in [port for port in ports if not made[port] and not len(problems)]:
+        problems.add(
+            ("inputs",),
+            f"nothing of the input port {port!r} has the name of an input variable; say what "
+            f"goes where: `params: {{inputs: {{{(left or ['u'])[0]}: {port}.NAME}}}}` (of the "
+            f"port: {', '.join(ports[port].offers[:8])}; open variables: "
+            f"{', '.join(left[:8]) or 'none'})",
+        )
+    return made
+
+
+def _automatic(model: Model, ports: Mapping[str, _Port], name: str) -> dict[str, Wire]:
+    """Return the wire of an input that no link names: of the one port that has its name."""
+    having = [port for port, item in ports.items() if name in item.names]
+    if len(having) > 1:
+        text = f"{name} is in several ports, {', '.join(having)}; say in `inputs` which"
+        raise WiringError(text)
+    if having:
+        return _linked(model, ports, name, Link(from_=f"{having[0]}.{name}"))
+    port, _, what = name.partition(".")
+    match = _ELEMENT.fullmatch(what)
+    if port not in ports or (match[1] if match else what) not in ports[port].fields:
+        return {}
+    if match and match[2].isdigit():
+        what = f"{match[1]}[{int(match[2]) - 1}]"  # FMI counts from 1
+    return _linked(model, ports, name, Link(from_=f"{port}.{what}"))
+
+
+def _linked(model: Model, ports: Mapping[str, _Port], name: str, link: Link) -> dict[str, Wire]:
+    """Return the wires of a link by their targets: one, or one for each element of an array."""
+    item, port, what = ends_of(model, ports, name, link)
+    source, found = ports[port], {}
+    for index, target in enumerate([name] if name in model.places else names_of(item)):
+        part = what
+        if target != name:
+            # Of an array: the element of the same name, or in the same place.
+            part = target.replace(name, what, 1)
+            part = part if part in source.names else f"{what}[{index}]"
+        field, places, unit = source.find(part)
+        factor, offset = model.units.conversion(unit, item.unit) if link.convert else (1.0, 0.0)
+        scale = factor * link.factor, factor * link.offset + offset
+        found[target] = Wire(port, field, places, item, target, scale)
+    return found

@@ -24,6 +24,6 @@ class Texts(Message, frozen=True):
 
 
 class Binaries(Message, frozen=True):
-    """Named binary values; the description has the names, and the media type of each."""
+    """Named binary values; the description has the names."""
 
     values: Annotated[list[bytes], meta("one value per name", "", "n")]

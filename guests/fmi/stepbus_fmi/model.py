@@ -1,18 +1,20 @@
-"""What a model description says: the variables of an FMU, their units, what it can do."""
+"""What a model description says, and the start values that a scenario gives its variables."""
 
 import io
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
-from math import prod
+from math import isfinite, prod
 from pathlib import Path
 from typing import IO, Any
-from xml.etree import ElementTree as ET
 
-from stepbus_participant import need, suggest
+from stepbus_participant import Problems, need, suggest
+from stepbus_participant.parameters import show
 from stepbus_schemas import WiringError, error_text
+
+from .units import Units
 
 KINDS: Mapping[str, type] = {
     **dict.fromkeys(("Real", "Float32", "Float64"), float),
@@ -23,103 +25,63 @@ KINDS: Mapping[str, type] = {
     "Binary": bytes,
 }
 """Type of FMI 2 or 3 → what its values are in Python."""
+_SAID = {float: "a finite number", int: "an integer", bool: "true or false", str: "a text"}
+Variable = Any
+"""FMPy's `ModelVariable`; its unit may be its type's, its shape be set by start values."""
 
 
-@dataclass(frozen=True)
-class Variable:
-    """A variable. shape: of an array, with the sizes that the start values give it; else empty.
+def kind_of(item: Variable) -> type:
+    """Return what the values of a variable are in Python."""
+    return KINDS[item.type]
 
-    type_name: as the standard has it. items: of an enumeration, name → number.
-    """
 
-    name: str
-    reference: int
-    type_name: str
-    causality: str
-    variability: str
-    initial: str
-    start: str | None
-    unit: str
-    description: str
-    shape: tuple[int, ...] = ()
-    items: tuple[tuple[str, int], ...] = ()
-    media: str = ""
-
-    @property
-    def kind(self) -> type:
-        """Return what its values are in Python."""
-        return KINDS[self.type_name]
-
-    @property
-    def size(self) -> int:
-        """Return how many values it has."""
-        return prod(self.shape)
-
-    @property
-    def names(self) -> list[str]:
-        """Return the names of its values: `x`, or `x[1]`, `x[2]`, in row-major order."""
-        if not self.shape:
-            return [self.name]
-        places = product(*(range(1, size + 1) for size in self.shape))
-        return [f"{self.name}[{','.join(map(str, place))}]" for place in places]
+def names_of(item: Variable) -> list[str]:
+    """Return the names of a variable's values: `x`, or `x[1]`, `x[2]`, in row-major order."""
+    if not item.shape:
+        return [item.name]
+    places = product(*(range(1, size + 1) for size in item.shape))
+    return [f"{item.name}[{','.join(map(str, place))}]" for place in places]
 
 
 @dataclass(frozen=True)
 class Model:
-    """The model description of an FMU for co-simulation. description: FMPy's."""
+    """The model description of an FMU for co-simulation. description: FMPy's.
+
+    internal_step: of its own solver [s]; 0: it states none.
+    """
 
     file: str
     description: Any
     variables: Mapping[str, Variable]
+    units: Units
+    internal_step: float
 
-    @property
-    def major(self) -> int:
-        """Return 2 or 3, the major version of FMI."""
-        return int(self.description.fmiVersion[0])
+    @cached_property
+    def is_3(self) -> bool:
+        """Return whether it is for FMI 3, not 2."""
+        return bool(self.description.fmiMajorVersion == 3)
 
     @property
     def can(self) -> Any:
         """Return the flags of its co-simulation interface, as FMPy names them."""
         return self.description.coSimulation
 
-    @property
-    def saves(self) -> bool:
-        """Return whether it claims that its state can be saved and restored."""
-        return bool(self.can.canGetAndSetFMUstate and self.can.canSerializeFMUstate)
-
-    @property
-    def internal_step(self) -> float:
-        """Return the step of its own solver [s]; 0: it states none."""
-        try:
-            return float(self.can.fixedInternalStepSize or 0)
-        except ValueError as exc:
-            text = f"{self.file}: fixedInternalStepSize is {self.can.fixedInternalStepSize!r}"
-            raise WiringError(f"{text}, no number") from exc
-
     @cached_property
-    def places(self) -> Mapping[str, tuple[Variable, int]]:
-        """Return name of each value → its variable, and where in that it is."""
-        return {
-            name: (item, index)
-            for item in self.variables.values()
-            for index, name in enumerate(item.names)
-        }
+    def places(self) -> Mapping[str, Variable]:
+        """Return name of each value → its variable."""
+        return {name: item for item in self.variables.values() for name in names_of(item)}
 
     def find(self, name: str) -> Variable:
         """Return a variable; raises WiringError where there is none."""
         if name not in self.variables:
-            raise WiringError(
-                f"{self.file} has no variable {name!r}{suggest(name, self.variables)}"
-            )
+            near = suggest(name, self.variables)
+            raise WiringError(f"{self.file} has no variable {name!r}{near}")
         return self.variables[name]
 
     def of(self, causality: str, kind: type | None = None) -> list[Variable]:
         """Return the variables of a causality, and of a kind, in the order of the file."""
-        return [
-            item
-            for item in self.variables.values()
-            if item.causality == causality and kind in (None, item.kind)
-        ]
+        found = [item for item in self.variables.values() if item.causality == causality]
+        return [item for item in found if kind in (None, kind_of(item))]
 
 
 def open_fmu(path: Path, inside: str = "") -> Path | IO[bytes]:
@@ -144,30 +106,43 @@ def read_model(path: Path, inside: str = "", start: Mapping[str, Any] | None = N
         # Recordings tell by their names which files are programs.
         raise WiringError(f"the name of an FMU ends with .fmu, not {path.name!r}")
     name = f"{path.name}/{inside.removeprefix('/')}" if inside else path.name
+    file = open_fmu(path, inside)
     try:
-        description = fmpy.read_model_description(open_fmu(path, inside), validate=False)
-    except WiringError:
-        raise
-    except Exception as exc:  # FMPy raises what its parsers raise
-        why = _broken_rule(fmpy, open_fmu(path, inside)) or error_text(exc)
-        raise WiringError(f"{name} is no FMU: {why}") from exc
-    if description.fmiVersion[:1] not in ("2", "3"):
+        try:
+            said = fmpy.read_model_description(file, validate=False)
+        except Exception:  # noqa: BLE001  FMPy raises what its parsers raise
+            # What the schema finds first says more than where the reader stumbles.
+            said = fmpy.read_model_description(file, validate=True)
+    except Exception as exc:
+        why = getattr(exc, "problems", None) or [error_text(exc)]
+        raise WiringError(f"{name} is no FMU: {why[0]}") from exc
+    if said.fmiVersion[:1] not in ("2", "3"):
         raise WiringError(
-            f"{name} is for FMI {description.fmiVersion}; stepbus takes FMI 2.0 and 3.0: export it "
-            "again with a newer version of its tool"
+            f"{name} is for FMI {said.fmiVersion}; stepbus takes FMI 2.0 and 3.0: export it again "
+            "with a newer version of its tool"
         )
-    if description.coSimulation is None:
-        has = "model exchange" if description.modelExchange else "scheduled execution"
+    if said.coSimulation is None:
+        has = "model exchange" if said.modelExchange else "scheduled execution"
         raise WiringError(
             f"{name} has no co-simulation interface, only {has}; export it for co-simulation, "
             "which brings its own solver"
         )
-    clocks = [item.name for item in description.modelVariables if item.type == "Clock"]
+    clocks = [item.name for item in said.modelVariables if item.type == "Clock"]
     if clocks:
         raise WiringError(f"{name} has clocks ({', '.join(clocks[:5])}), which are not supported")
-    is_binary = any(item.type == "Binary" for item in description.modelVariables)
-    media = _media(open_fmu(path, inside)) if is_binary else {}
-    return Model(name, description, _variables(description, named(start or {}), name, media))
+    start = named(start or {})
+    for item in said.modelVariables:
+        item.unit = item.unit or getattr(item.declaredType, "unit", None) or ""
+        item.shape = tuple(_shape(item, start, name))
+    return Model(
+        file=name,
+        description=said,
+        variables={item.name: item for item in said.modelVariables},
+        units=Units(said.unitDefinitions, name),
+        internal_step=number(
+            f"{name}: fixedInternalStepSize", said.coSimulation.fixedInternalStepSize
+        ),
+    )
 
 
 def named(start: Mapping[str, Any], within: str = "") -> dict[str, Any]:
@@ -179,57 +154,12 @@ def named(start: Mapping[str, Any], within: str = "") -> dict[str, Any]:
     return found
 
 
-def _broken_rule(fmpy: Any, file: Path | IO[bytes]) -> str:
-    """Return what the schema finds wrong first in a model description that FMPy cannot read."""
+def number(what: str, text: Any) -> float:
+    """Return the number that a file says, 0 where it says none; raises WiringError."""
     try:
-        fmpy.read_model_description(file, validate=True)
-    except fmpy.model_description.ValidationError as exc:
-        return str(exc.problems[0])
-    except Exception:  # noqa: BLE001  nothing that a schema describes
-        return ""
-    return ""
-
-
-def _media(file: Path | IO[bytes]) -> dict[str, str]:
-    """Return the media types of binary variables by name, which FMPy does not read."""
-    with zipfile.ZipFile(file) as archive, archive.open("modelDescription.xml") as stream:
-        rows = ET.parse(stream).iter("Binary")  # noqa: S314  FMPy has read it
-        return {row.get("name", ""): row.get("mimeType", "") for row in rows}
-
-
-def _variables(
-    description: Any, start: Mapping[str, Any], name: str, media: Mapping[str, str]
-) -> dict[str, Variable]:
-    found = {}
-    for item in description.modelVariables:
-        if item.type not in KINDS:
-            raise WiringError(f"{name}: variable {item.name} has the unsupported type {item.type}")
-        found[item.name] = _variable(
-            item, tuple(_shape(item, start, name)), media.get(item.name, "")
-        )
-    return found
-
-
-def _variable(item: Any, shape: tuple[int, ...], media: str) -> Variable:
-    declared = item.declaredType
-    return Variable(
-        name=item.name,
-        reference=item.valueReference,
-        type_name=item.type,
-        causality=item.causality,
-        variability=item.variability,
-        initial=item.initial or "",
-        start=item.start,
-        unit=item.unit or (declared.unit if declared is not None else "") or "",
-        description=item.description or "",
-        shape=shape,
-        items=_items(declared) if declared is not None and item.type == "Enumeration" else (),
-        media=media,
-    )
-
-
-def _items(declared: Any) -> tuple[tuple[str, int], ...]:
-    return tuple((item.name, int(item.value)) for item in declared.items)
+        return float(text or 0)
+    except ValueError as exc:
+        raise WiringError(f"{what} is {text!r}, which is no number") from exc
 
 
 def _shape(item: Any, start: Mapping[str, Any], name: str) -> Iterator[int]:
@@ -242,19 +172,65 @@ def _shape(item: Any, start: Mapping[str, Any], name: str) -> Iterator[int]:
         yield int(size)
 
 
-def capabilities(model: Model) -> list[str]:
-    """Return what an FMU can do, and what it cannot, in words."""
-    can = model.can
-    flags: Sequence[tuple[Any, str]] = (
-        (can.hasEventMode, "has an event mode"),
-        (can.mightReturnEarlyFromDoStep, "may return early from a step"),
-        (can.canInterpolateInputs, "can interpolate inputs"),
-        (can.canHandleVariableCommunicationStepSize, "takes steps of any size"),
-        (model.saves, "can save its state"),
-        (can.needsExecutionTool, "needs the tool that exported it"),
-    )
-    fixed = can.fixedInternalStepSize
-    return [
-        *(text for flag, text in flags if flag),
-        *([f"internal step {fixed} s"] if fixed else []),
-    ]
+def start_values(model: Model, given: Mapping[str, Any], problems: Problems) -> dict[str, Any]:
+    """Return variable → list of values, as the FMU takes them; adds what is wrong."""
+    found = {}
+    for name, value in named(given).items():
+        read = problems.attempt(("start", name), partial(_read, model, name, value))
+        if read is not None:
+            found[name] = read
+    return found
+
+
+def _read(model: Model, name: str, value: Any) -> list[Any]:
+    item = model.find(name)
+    if item.causality != "input" and item.initial not in ("exact", "approx"):
+        what = f"{item.variability} {item.causality}"
+        raise WiringError(f"{name} is a {what} variable that the FMU computes; it cannot be set")
+    values = _flat(value) if item.shape else [value]
+    if len(values) != prod(item.shape):
+        shape = " × ".join(map(str, item.shape))
+        raise WiringError(f"{name} has {prod(item.shape)} values ({shape}), not {len(values)}")
+    return [read_value(item, one, model.units) for one in values]
+
+
+def _flat(value: Any) -> list[Any]:
+    if not isinstance(value, list | tuple):
+        return [value]
+    return [one for part in value for one in _flat(part)]
+
+
+def read_value(item: Variable, value: Any, units: Units) -> Any:
+    """Return one value of a variable; raises WiringError for one that it cannot have."""
+    kind = kind_of(item)
+    if isinstance(value, str) and kind is float:
+        return _number(item, value, units)
+    if isinstance(value, str) and kind is int:
+        items = {one.name: int(one.value) for one in getattr(item.declaredType, "items", ())}
+        if value in items:
+            return items[value]
+        raise WiringError(f"{item.name} has no item {value!r}{suggest(value, items)}")
+    if isinstance(value, str) and kind is bytes:
+        try:
+            return bytes.fromhex(value)
+        except ValueError as exc:
+            raise WiringError(f"{item.name} takes bytes in hexadecimal, not {value!r}") from exc
+    if type(value) is int and kind is float:
+        return float(value)
+    if type(value) is not kind or (isinstance(value, float) and not isfinite(value)):
+        wanted = _SAID.get(kind, "bytes in hexadecimal")
+        raise WiringError(f"{item.name} is {wanted}, not {show(value)}")
+    return value
+
+
+def _number(item: Variable, text: str, units: Units) -> float:
+    first, _, unit = text.strip().partition(" ")
+    try:
+        amount = float(first)
+    except ValueError as exc:
+        example = f"3 {item.unit}" if item.unit else "3"
+        raise WiringError(f"{item.name} is a number, such as {example}, not {text!r}") from exc
+    if unit and not item.unit:
+        raise WiringError(f"{item.name} has no unit, but {text!r} has one")
+    factor, offset = units.conversion(unit.strip(), item.unit)
+    return amount * factor + offset

@@ -1,6 +1,6 @@
 """An FMU as a participant: its inputs and outputs are ports, its steps those of the run."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -20,25 +20,18 @@ from stepbus_participant import (
 from stepbus_schemas import Description, Message, WiringError, suggest
 
 from .files import PORTS
-from .instance import started
-from .links import Wire, Wiring
-from .model import Variable, read_model
+from .instance import Instance
+from .links import ends_of, wires
+from .model import kind_of, names_of, read_model, read_value, start_values
 from .params import Params
 from .proof import state_problem
-from .start import read_value, start_values
-from .units import Units, registry
+from .units import registry
 
 _KINDS = {type_: kind for _, kind, type_ in PORTS}
 
 
-class _State(msgspec.Struct):
-    """What `save` returns. done: steps. held: input → value, as last set. before: as `_before`."""
-
-    fmu: bytes
-    done: int
-    held: dict[str, Any]
-    before: dict[str, float]
-    ended: bool
+_State = tuple[bytes, int, dict[str, Any], dict[str, float], bool]
+"""What `save` returns: of the FMU; steps done; inputs as last set, and before; whether it ended."""
 
 
 class Fmu(Participant):
@@ -58,91 +51,82 @@ class Fmu(Participant):
         except WiringError as exc:
             problems.add_error(("params", "fmu"), exc)
             raise problems.error() from exc
-        self._units = Units(self.model.description)
         if config.inputs and any(item.unit for item in self.model.of("input")):
             registry()
-        start = start_values(self.model, self._units, params.start, below)
-        self._check_extrapolated(below)
-        for text in self._step_problems():
-            problems.add((), text)
+        start = start_values(self.model, params.start, below)
+        for name, link in params.inputs.items():
+            ends = partial(ends_of, self.model, config.inputs, name, link)
+            below.attempt(("inputs", name), ends)
+        self._check(problems)
         self._rows = {port: self._row(port, problems) for port in config.outputs}
         problems.refuse()
-        self._instance = started(self.model, params, start)
+        self._instance = Instance(self.model, params, start)
         self._makers = {port: self._maker(port) for port in config.outputs}
-        self._tunable = [
-            item
+        self._tunable = {
+            item.name: item
             for item in self.model.of("parameter")
             if item.variability == "tunable" and not item.shape
-        ]
+        }
 
     # --- what the scenario asks for -------------------------------------------------------
 
-    def _check_extrapolated(self, problems: Problems) -> None:
-        names = self._params.extrapolate
-        if names and not (self.model.major == 2 and self.model.can.canInterpolateInputs):
-            problems.add(("extrapolate",), f"{self.model.file} cannot interpolate its inputs")
+    def _check(self, problems: Problems) -> None:
+        """Add why the FMU cannot extrapolate inputs, or take steps of this length."""
+        model, names, keys = self.model, self._params.extrapolate, ("params", "extrapolate")
+        if names and (model.is_3 or not model.can.canInterpolateInputs):
+            problems.add(keys, f"{model.file} cannot interpolate its inputs")
         for name in names:
-            item = problems.attempt(("extrapolate",), partial(self.model.find, name))
-            if item is not None and (item.causality != "input" or item.kind is not float):
-                problems.add(("extrapolate",), f"{name} is no input that is a real number")
-
-    def _step_problems(self) -> Iterator[str]:
-        """Yield why the FMU cannot take steps of this length."""
-        fixed = self.model.internal_step
-        if self.model.can.canHandleVariableCommunicationStepSize or not fixed:
-            return
-        count = self._h / fixed
-        if count < 0.5 or abs(count - round(count)) > 1e-9 * count:
-            yield (
-                f"{self.model.file} takes steps that are whole multiples of {fixed:g} s only, and "
-                f"its step is {self._h:g} s; change `step` of the scenario, or its `every`"
-            )
+            item = problems.attempt(keys, partial(model.find, name))
+            if item is not None and (item.causality != "input" or kind_of(item) is not float):
+                problems.add(keys, f"{name} is no input that is a real number")
+        fixed = model.internal_step
+        if fixed and not model.can.canHandleVariableCommunicationStepSize:
+            count = self._h / fixed
+            if count < 0.5 or abs(count - round(count)) > 1e-9 * count:
+                problems.add(
+                    (),
+                    f"{model.file} takes steps that are whole multiples of {fixed:g} s only, and "
+                    f"its step is {self._h:g} s; change `step` of the scenario, or its `every`",
+                )
 
     def _row(self, port: str, problems: Problems) -> dict[str, Any]:
         """Return field → name of a value, list of these, or a constant, of an output port."""
-        type_name = self.config.outputs[port].type
+        type_name, model = self.config.outputs[port].type, self.model
         fields = self.config.types[type_name].__struct_fields__
-        mapped = self._params.outputs.get(port)
-        if mapped is None and type_name in _KINDS:
-            found = self._published(_KINDS[type_name], problems)
+        row = dict(self._params.outputs.get(port, {}))
+        if not row and type_name in _KINDS:
+            kind = _KINDS[type_name]
+            more = (
+                problems.attempt(("params", "publish"), partial(model.find, name))
+                for name in self._params.publish
+            )
+            more = (item for item in more if item is not None and kind_of(item) is kind)
+            found = dict.fromkeys((*model.of("output", kind), *more))
             if not found:
-                text = f"{self.model.file} has no such output variables; leave the port out"
+                text = f"{model.file} has no such output variables; leave the port out"
                 problems.add(("outputs", port), text)
-            return {"values": [name for item in found for name in item.names]}
-        if mapped is None:
+            return {"values": [name for item in found for name in names_of(item)]}
+        if not row:
             text = f"say which variables {type_name} has: `params: {{outputs: {{{port}: …}}}}`"
             problems.add(("outputs", port), text)
-        row = {field: value for field, value in (mapped or {}).items() if field != "names"}
-        for field in (field for field in row if field not in fields):
-            text = f"{type_name} has no field {field!r}{suggest(field, fields)}"
-            problems.add(("params", "outputs", port, field), text)
-        return {field: self._names(value) for field, value in row.items()}
-
-    def _published(self, kind: type, problems: Problems) -> list[Variable]:
-        """Return the variables of a kind that are published without being asked for one by one."""
-        found = self.model.of("output", kind)
-        for name in self._params.publish:
-            item = problems.attempt(("params", "publish"), partial(self.model.find, name))
-            if item is not None and item.kind is kind and item not in found:
-                found.append(item)
-        return found
-
-    def _names(self, value: Any) -> Any:
-        """Return the names of an array's values; anything else as it is."""
-        is_array = isinstance(value, str) and value not in self.model.places
-        return (
-            self.model.variables[value].names
-            if is_array and value in self.model.variables
-            else value
-        )
+        row.pop("names", None)
+        for field, value in row.items():
+            if field not in fields:
+                text = f"{type_name} has no field {field!r}{suggest(field, fields)}"
+                problems.add(("params", "outputs", port, field), text)
+            if isinstance(value, str) and value in model.variables:
+                # An array stands for its values.
+                item = model.variables[value]
+                row[field] = names_of(item) if item.shape else value
+        return row
 
     def _maker(self, port: str) -> Callable[[], Message]:
         """Return what makes the message of an output port."""
         cls, row = self.config.types[self.config.outputs[port].type], self._rows[port]
         places = self.model.places
-        texts = [t for v in row.values() for t in (v if isinstance(v, list) else [v])]
-        names = [text for text in texts if isinstance(text, str) and text in places]
-        groups = self._instance.values(dict.fromkeys(places[name][0] for name in names))
+        texts = [one for v in row.values() for one in (v if isinstance(v, list) else [v])]
+        used = [places[text] for text in texts if isinstance(text, str) and text in places]
+        groups = self._instance.values(dict.fromkeys(used))
         if row.keys() == {"values"} and [group.names for group in groups] == [row["values"]]:
             # Most ports: all values of one type, in their order.
             get = groups[0].get
@@ -150,15 +134,7 @@ class Fmu(Participant):
 
         def make() -> Message:
             now = self._instance.get(groups)
-
-            def of(value: Any) -> Any:
-                return now.get(value, value) if isinstance(value, str) else value
-
-            lists = (
-                (f, [of(one) for one in v] if isinstance(v, list) else of(v))
-                for f, v in row.items()
-            )
-            return cls(**dict(lists))
+            return cls(**{field: _filled(value, now) for field, value in row.items()})
 
         return make
 
@@ -166,20 +142,18 @@ class Fmu(Participant):
 
     def describe(self) -> dict[str, Description]:
         """Return the names of all values, and their units."""
-        return {port: self._description(port) for port in self._rows}
-
-    def _description(self, port: str) -> Description:
-        names = self._params.outputs.get(port, {}).get("names")
-        if isinstance(names, str):
-            return Description(like=names)
-        if names is not None:
-            return Description(names=list(names))
-        if self.config.outputs[port].type not in _KINDS:
-            return Description()
-        names = self._rows[port].get("values", [])
-        items = [self.model.places[name][0] for name in names if name in self.model.places]
-        rows = {"unit": [item.unit for item in items], "media": [item.media for item in items]}
-        return Description(names=names, details={k: row for k, row in rows.items() if any(row)})
+        found, places = {}, self.model.places
+        for port, row in self._rows.items():
+            names = self._params.outputs.get(port, {}).get("names")
+            found[port] = Description(names=list(names or ()))
+            if isinstance(names, str):
+                found[port] = Description(like=names)
+            elif names is None and self.config.outputs[port].type in _KINDS:
+                names = row.get("values", [])
+                units = [places[name].unit for name in names if name in places]
+                details = {"unit": units} if any(units) else {}
+                found[port] = Description(names=names, details=details)
+        return found
 
     def versions(self) -> dict[str, str]:
         """Return the version of FMPy, and what the FMU says of itself."""
@@ -191,14 +165,10 @@ class Fmu(Participant):
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Connect the input variables; raises SettingsError that lists what is wrong."""
         problems = self.config.problems()
-        wiring = Wiring(self.model, self._units, self.config, inputs)
-        links, by_name = self._params.inputs, self._params.by_name
-        wires = wiring.wires(links, problems.below(("params",)), by_name=by_name)
+        below = problems.below(("params",))
+        self._wires = wires(self.model, self.config, inputs, self._params, below)
         problems.refuse()
-        self._wires: dict[str, list[Wire]] = {port: [] for port in self.config.inputs}
-        for wire in wires:
-            self._wires[wire.port].append(wire)
-        used = dict.fromkeys(wire.variable for wire in wires)
+        used = dict.fromkeys(wire.variable for some in self._wires.values() for wire in some)
         values = self._instance.values
         self._continuous = values(v for v in used if v.variability == "continuous")
         self._discrete = values(v for v in used if v.variability != "continuous")
@@ -211,9 +181,9 @@ class Fmu(Participant):
     def update(self, step: Step) -> dict[str, Message] | None:
         """Set the inputs, and do the step from this time to the next."""
         instance = self._instance
-        for port, wires in self._wires.items():
+        for port in self._wires:
             if step.is_new(port) and (message := step.get(port)) is not None:
-                self._take(port, wires, message)
+                self._take(port, message)
         now = self._params.start_time + self._done * self._h
         self._done += 1
         if not instance.ended:
@@ -228,13 +198,13 @@ class Fmu(Participant):
             step.end(f"the FMU {self.model.description.modelName} ends the simulation")
         return None if self.config.publishes == "first" else self.output(step)
 
-    def _take(self, port: str, wires: list[Wire], message: Message) -> None:
-        for wire in wires:
+    def _take(self, port: str, message: Message) -> None:
+        for wire in self._wires[port]:
             item = wire.variable
             try:
                 value = wire.value(message)
-                if type(value) is not item.kind:
-                    value = read_value(item, value, self._units)
+                if type(value) is not kind_of(item):
+                    value = read_value(item, value, self.model.units)
             except (IndexError, TypeError, WiringError) as exc:
                 what = f"{wire.field}{list(wire.places) or ''} of the message: {exc}"
                 raise InvalidInput(port, f"for {item.name}: {what}") from exc
@@ -247,47 +217,32 @@ class Fmu(Participant):
         now = {name: self._next[name] for name in self._params.extrapolate if name in self._next}
         if self._before:
             slopes = [(value - self._before[name]) / self._h for name, value in now.items()]
-            self._instance.set_slopes([self.model.variables[n].reference for n in now], slopes)
+            self._instance.set_slopes([self.model.variables[n].valueReference for n in now], slopes)
         self._before = now
 
     def calls(self) -> dict[str, Method]:
         """Return what users can call between two steps."""
-        names = ", ".join(item.name for item in self._tunable[:5]) or "there is none"
-        return {
-            "get": Method(self.get_value, "returns the value of a variable"),
-            "set": Method(self.set_value, f"sets a tunable parameter: {names}", changes=True),
-        }
-
-    def get_value(self, name: str) -> Any:
-        """Return the value of a variable."""
-        item = self._known(name)
-        values = list(self._instance.get(self._instance.values([item])).values())
-        return values if item.shape else values[0]
+        names = ", ".join([*self._tunable][:5]) or "there is none"
+        text = f"sets a tunable parameter: {names}"
+        return {"set": Method(self.set_value, text, changes=True)}
 
     def set_value(self, name: str, value: Any) -> None:
         """Set a tunable parameter."""
-        item = self._known(name)
-        if item not in self._tunable:
-            names = [item.name for item in self._tunable]
-            raise CallError(f"{name} is not tunable{suggest(name, names)}")
+        if name not in self._tunable:
+            raise CallError(f"{name} is not tunable{suggest(name, self._tunable)}")
+        item = self._tunable[name]
         try:
-            read = read_value(item, value, self._units)
+            read = read_value(item, value, self.model.units)
         except WiringError as exc:
             raise CallError(str(exc)) from exc
         self._instance.set_in_event(self._instance.values([item]), {name: read})
-
-    def _known(self, name: str) -> Variable:
-        try:
-            return self.model.find(name)
-        except WiringError as exc:
-            raise CallError(str(exc)) from exc
 
     # --- state ----------------------------------------------------------------------------
 
     def prepare_saves(self) -> None:
         """Find out whether a state of this FMU can be restored in another process."""
         why = "it cannot save its state (canSerializeFMUState)"
-        if self.model.saves:
+        if self.model.can.canSerializeFMUstate:
             why = state_problem(self.config.params, self._params, self._h)
         if why:
             warn(f"no checkpoints of {self.model.file}: {why}; a branch repeats it from step 0")
@@ -298,15 +253,22 @@ class Fmu(Participant):
         if not self._is_proved:
             return None
         fmu, ended = self._instance.save(), self._instance.ended
-        return msgspec.msgpack.encode(_State(fmu, self._done, self._next, self._before, ended))
+        return msgspec.msgpack.encode((fmu, self._done, self._next, self._before, ended))
 
     def restore(self, state: bytes) -> None:
         """Take a state of another process."""
-        saved = msgspec.msgpack.decode(state, type=_State)
-        self._instance.restore(saved.fmu)
-        self._done, self._next, self._before = saved.done, saved.held, saved.before
-        self._instance.ended = saved.ended
+        fmu, *kept, ended = msgspec.msgpack.decode(state, type=_State)
+        self._instance.restore(fmu)
+        self._done, self._next, self._before = kept
+        self._instance.ended = ended
 
     def close(self) -> None:
         """End the FMU."""
         self._instance.close()
+
+
+def _filled(value: Any, now: Mapping[str, Any]) -> Any:
+    """Return a value, or a list of them, in which names of variables are what these are now."""
+    if isinstance(value, list):
+        return [_filled(one, now) for one in value]
+    return now.get(value, value) if isinstance(value, str) else value

@@ -17,6 +17,8 @@ from typing import Any
 from stepbus_participant import Problems, scratch_folder
 from stepbus_schemas import StepbusError
 
+from .instance import Instance
+from .model import read_model, start_values
 from .params import Params
 
 _STEPS, _PROBED = 10, 2
@@ -56,17 +58,10 @@ def _ask(question: dict[str, Any], folder: str) -> Any:
 
 
 def _main() -> None:
-    # The process that asks has them already, or needs none.
-    from .instance import started  # noqa: PLC0415
-    from .model import read_model  # noqa: PLC0415
-    from .start import start_values  # noqa: PLC0415
-    from .units import Units  # noqa: PLC0415
-
     asked = json.load(sys.stdin)
     params = Params.of(asked["params"], Path())
     model = read_model(params.fmu, params.inside, params.start)
-    values = start_values(model, Units(model.description), params.start, Problems())
-    instance = started(model, params, values)
+    instance = Instance(model, params, start_values(model, params.start, Problems()))
     groups = instance.values(model.of("output"))
 
     def go(first: int, count: int) -> list[str]:

@@ -14,8 +14,8 @@ from urllib.parse import unquote
 from stepbus_participant import need
 from stepbus_schemas import WiringError, error_text, suggest
 
-from .files import participant, port_of, scenario, scenario_name
-from .model import KINDS, Model, Variable, read_model
+from .files import PORTS, participant, scenario, scenario_name
+from .model import KINDS, Model, Variable, kind_of, read_model
 from .units import Units
 
 Node = tuple[str, ...]
@@ -197,11 +197,11 @@ class _System:
         row = participant(model, self._path.name, place)
         row["params"] |= {"by_name": False, "start": {}, "inputs": {}}
         row["inputs"] = {}
-        variables = {k: v for k, (v, _) in model.places.items()} | dict(model.variables)
-        self.parts[path], units = _Part(name, model, variables, row), Units(model.description)
+        variables = {**model.places, **model.variables}
+        self.parts[path] = _Part(name, model, variables, row)
         for key, item in variables.items():
             said = self._connectors.get((*path, key))
-            unit = (item.unit, units) if item.unit or said is None else said[1]
+            unit = (item.unit, model.units) if item.unit or said is None else said[1]
             self._connectors[(*path, key)] = item.causality, unit
 
     def _read_connection(self, element: Any, path: Node) -> None:
@@ -269,12 +269,13 @@ class _System:
             raise WiringError(f"{of} in the run; give its value by a parameter binding")
         if source is part:
             raise WiringError("an element is connected with itself, which is not supported")
-        if item.kind is not target.kind and (item.kind, target.kind) != (int, float):
-            raise WiringError(f"{item.type_name} is connected with {target.type_name}")
+        kind = kind_of(item)
+        if kind_of(target) not in (kind, float if kind is int else kind):
+            raise WiringError(f"{item.type} is connected with {target.type}")
         if item.causality != "output":
             published = source.row["params"].setdefault("publish", [])
             published += [] if item.name in published else [item.name]
-        output, type_ = port_of(item.kind)
+        output, type_ = next((port, type_) for port, of, type_ in PORTS if of is kind)
         source.row["outputs"].setdefault(output, type_)
         port, place = source.name + output.removeprefix("out"), f"{source.name}.{output}"
         if part.row["inputs"].setdefault(port, place) != place:
@@ -314,7 +315,7 @@ def _start(signal: _Signal, target: Variable) -> Any:
     value = signal.constant
     if signal.scale != _SAME and type(value) in (int, float):
         value = value * signal.scale[0] + signal.scale[1]
-    whole = isinstance(value, float) and value.is_integer() and target.kind is int
+    whole = isinstance(value, float) and value.is_integer() and kind_of(target) is int
     return int(value) if whole else value
 
 
@@ -325,7 +326,7 @@ def _units(root: Any) -> Units:
         name, texts = base.getparent().get("name"), {**_NO_UNIT, **base.attrib}
         row = {key: _value("Real", text, f"unit {name}") for key, text in texts.items()}
         made.append(SimpleNamespace(name=name, baseUnit=SimpleNamespace(**row), displayUnits=()))
-    return Units(SimpleNamespace(unitDefinitions=made))
+    return Units(made, "SSP")
 
 
 def _transform(element: Any, what: str) -> Transform:

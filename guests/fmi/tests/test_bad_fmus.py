@@ -13,6 +13,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader
 from stepbus_fmi.instance import Instance
 from stepbus_fmi.model import read_model
+from stepbus_fmi.params import Params
 from support.surroundings import comes_true, processes_in
 
 from stepbus_orchestrator.cli import main
@@ -91,12 +92,12 @@ BROKEN = {
     "no time": (
         {"modelDescription.xml": XML.replace(
             "<ModelVariables>", '<DefaultExperiment stopTime="soon"/><ModelVariables>')},
-        "stopTime is 'soon', no number",
+        "model.fmu: stopTime is 'soon', which is no number",
     ),
     "no step": (
         {"modelDescription.xml": XML.replace(
             "<CoSimulation ", '<CoSimulation fixedInternalStepSize="often" ')},
-        "often",
+        "model.fmu: fixedInternalStepSize is 'often', which is no number",
     ),
     "FMI 4": ({"modelDescription.xml": XML.replace('"3.0"', '"4.0"')}, "4.0"),
     "model exchange": (
@@ -227,10 +228,33 @@ def test_a_scenario_that_does_not_fit(bench, kind):
 
 
 @pytest.mark.parametrize("kind", WRONG_LINKS)
-def test_a_link_that_does_not_fit(bench, kind):
+def test_a_link_that_does_not_fit(bench, capfd, kind):
     links, text = WRONG_LINKS[kind]
     bad_c.bad(bench.folder)
-    assert text in bench.run(ExitCode.FAULT, row={"params": {"inputs": links}})
+    row = {"params": {"inputs": links}}
+    assert text in bench.run(ExitCode.START, row=row)
+    assert main(["validate", bench.write(row)]) == ExitCode.SCENARIO
+    assert text in capfd.readouterr().err
+    assert main(["describe", bench.write(row)]) == ExitCode.START
+    (said,) = capfd.readouterr().err.splitlines()
+    assert text in said
+
+
+def test_a_unit_without_a_factor(bench):
+    wrong = '<UnitDefinitions><Unit name="q"><BaseUnit factor="0"/></Unit></UnitDefinitions>'
+    bad_c.bad(bench.folder, xml=fmus.xml3(bad_c.ROWS[3], units=wrong))
+    said = bench.run(ExitCode.SCENARIO)
+    assert "model.fmu: the factor of unit 'q' is 0, which is no number to convert by" in said
+
+
+def test_a_starter_of_an_fmu_has_no_controller(bench, capfd):
+    path, new = bad_c.bad(bench.folder, xml=fmus.xml3(ROWS)), str(bench.folder / "new")
+    with pytest.raises(SystemExit, match="2"):
+        main(["new", "--fmu", str(path), "--language", "rust", new])
+    assert "--language, --fmu" in capfd.readouterr().err
+    assert main(["new", "--fmu", str(path), new]) == 0
+    assert "# parameter a (2): fixed Float64 = 1 2" in Path(new, "scenario.yaml").read_text()
+    assert main(["validate", new]) == 0
 
 
 def test_outputs_that_it_does_not_have(bench):
@@ -349,9 +373,7 @@ def test_instances_one_after_the_other(bench):
     model = read_model(path)
 
     def once():
-        instance = Instance(model, path)
-        instance.instantiate(event_mode=True)
-        instance.initialize({"k": 1.0}, 0.0, None)
+        instance = Instance(model, Params(fmu=path), {"k": [1.0]})
         instance.step(0.0, 0.01)
         instance.close()
 

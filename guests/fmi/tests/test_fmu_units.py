@@ -1,13 +1,11 @@
 """Units of messages and of FMUs: what they are converted by, and which are refused."""
 
-from types import SimpleNamespace
-
 import pytest
 from stepbus_fmi.units import Units
 
 from stepbus_schemas import WiringError
 
-NONE = Units(SimpleNamespace(unitDefinitions=[]))
+NONE = Units([], "")
 
 
 PLAIN = {

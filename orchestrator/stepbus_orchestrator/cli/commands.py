@@ -170,10 +170,10 @@ class New(Command, work="new", group="run"):
     folder: Path
     """folder to create; may exist if it is empty"""
     _: KW_ONLY
-    language: Literal["c", "java", "js", "octave", "python", "rust"] = "python"
+    language: Annotated[Literal["c", "java", "js", "octave", "python", "rust"], EITHER] = "python"
     """language of the controller; the bridge connects programs in any language
     (docs/guide/writing/bridge.md)"""
-    fmu: File = None
+    fmu: Annotated[File, EITHER] = None
     """make a scenario of this FMU instead, with its parameters and inputs
     (docs/guide/writing/fmu.md)"""
 

@@ -117,6 +117,9 @@ def _quoting(reason: str, folder: Path) -> str:
         named = f"its log: {log}"
         if named in reason:
             lines = _last_lines(log)
+            # The log of a participant that refuses its parameters has only that sentence, too.
+            if lines and all(line.rpartition(": step -1: ")[2] in reason for line in lines):
+                reason, lines = reason.replace(f"; {named}", ""), []
             reason = reason.replace(named, "its log ends below" if lines else "its log is empty")
             quoted += "".join(f"\n  {line}" for line in lines)
     return reason + quoted

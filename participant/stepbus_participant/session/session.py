@@ -11,6 +11,7 @@ from stepbus_participant.bus.slots import Slots
 from stepbus_participant.bus.ticket import Ticket
 from stepbus_participant.config import Config
 from stepbus_participant.inputs import Input, PeerFault, make_sources
+from stepbus_participant.parameters.problems import SettingsError
 from stepbus_participant.participant import InvalidInput, Participant
 from stepbus_schemas import (
     Fault,
@@ -205,7 +206,9 @@ class Session:
             traceback=valid_unicode(traceback.format_exc()[-20_000:]),
             blames=exc.blames if isinstance(exc, PeerFault) else None,
         )
-        sys.stderr.write(fault.traceback)
+        # Wrong parameters are no bug: the sentence that follows says all.
+        if not isinstance(exc, SettingsError):
+            sys.stderr.write(fault.traceback)
         self._put_fault(encode(fault))
 
 
