@@ -142,6 +142,8 @@ class Connection:
                 self._left.append((self.name, f"its agent did not end within {_END_S:g} s"))
         for thread in self._threads:
             thread.join(_KILL_S)
+        for stream in filter(None, (self._ssh.stdout, self._ssh.stderr)):
+            stream.close()
         return self._left
 
     # --- its threads --------------------------------------------------------------------------
