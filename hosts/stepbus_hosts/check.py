@@ -40,29 +40,33 @@ def check_hosts(file: Path, listen: str) -> Iterator[Row]:
     Raises SettingsError, and WiringError for what is no address.
     """
     hosts = read_hosts(file)
+    if not hosts:
+        yield "hosts", "fail", f"{file} has none"
     address, port = parse_address(listen) if listen else ("", 0)
     with ExitStack() as stack:
         with ThreadPoolExecutor() as pool:
-            checked = [_Host(name, spec) for name, spec in hosts.items()]
+            checked = [Host(name, spec) for name, spec in hosts.items()]
             for host in checked:
                 stack.callback(host.close)
-            rows = list(pool.map(_Host.reach, checked))
+            rows = list(pool.map(Host.reach, checked))
         yield from (row for some in rows for row in some)
-        reached = [host for host in checked if host.greeting is not None]
-        origins = [host.greeting.origin for host in reached if host.greeting is not None]
-        address = address or next(filter(None, origins), "")
+        reached = [host for host in checked if host.versions]
         if reached:
-            yield from _back(reached, address, port)
-        table = {host.name: host.greeting.versions for host in reached if host.greeting is not None}
-        yield from _versions({"here": host_versions(), **table})
+            origin = next(filter(None, (host.origin for host in reached)), "")
+            yield from _back(reached, address or origin, port)
+            table = {host.name: host.versions for host in reached}
+            yield from _versions({"here": host_versions(), **table})
 
 
-class _Host:
-    """A host, and the agent there once it is reached."""
+class Host:
+    """A host, and the agent there.
+
+    origin, versions: what that has said of itself; empty: it is not reached.
+    """
 
     def __init__(self, name: str, spec: HostSpec) -> None:
         self.name, self.spec = name, spec
-        self.greeting: wire.Greeting | None = None
+        self.origin, self.versions = "", dict[str, str]()
         self._connection: Connection | None = None
 
     def close(self) -> None:
@@ -98,10 +102,11 @@ class _Host:
         order = wire.Open("doctor", secrets.token_hex(8), _LEASE_S, spec.folder, {})
         try:
             self._connection = Connection(self.name, spec, order)
-            self.greeting = self._connection.greeting()
+            greeting = self._connection.greeting()
         except StartFailed as exc:
             hint = "; install stepbus there, or name the right `python`"
             return what, "fail", f"{exc}{hint * ('No module named' in str(exc))}"
+        self.origin, self.versions = greeting.origin, greeting.versions
         return what, "ok", f"{spec.python} has stepbus, and can write to {spec.folder}"
 
     def probe(self, order: wire.Probe) -> wire.Probed:
@@ -110,7 +115,7 @@ class _Host:
         return self._connection.probe(order)
 
 
-def _back(hosts: list[_Host], address: str, port: int) -> Iterator[Row]:
+def _back(hosts: list[Host], address: str, port: int) -> Iterator[Row]:
     """Open the port, as a run would, and have all hosts connect to it."""
     if not address:
         yield "listen", "fail", "no host says how it was reached; give --listen ADDRESS"
@@ -136,26 +141,34 @@ def _back(hosts: list[_Host], address: str, port: int) -> Iterator[Row]:
                 yield f"{host.name} → here", "fail", str(exc)
 
 
-def _reached(host: _Host, listener: socket.socket, address: str, port: int) -> Row:
+def _reached(host: Host, listener: socket.socket, address: str, port: int) -> Row:
     """Have a host connect to us. port: that the user has chosen; 0: none."""
     seen, forwarded = parse_address(host.spec.reaches) if host.spec.reaches else (address, 0)
     number = forwarded or listener.getsockname()[1]
     what, where = f"{host.name} → here", f"{bracketed(seen)}:{number}"
     proof = secrets.token_bytes(16)
     probed = host.probe(wire.Probe(seen, number, proof))
-    if probed.problem and (port or forwarded):
-        mend = f"open TCP port {port or number} inbound on this host"
-    elif probed.problem:
-        mend = (
-            "open one TCP port inbound on this host, and name it here and for `stepbus run`: "
-            f"--listen {bracketed(address)}:7447"
-        )
     if probed.problem:
+        mend = advice(host, bracketed(address), port)
         return what, "fail", f"it does not reach {where}: {probed.problem}; {mend}"
     if not _comes(listener, proof):
         mend = "--listen the address by which it reaches this host, or say `reaches` in the file"
         return what, "fail", f"something else than this host answers it at {where}; {mend}"
     return what, "ok", f"it reaches {where} in {1e3 * probed.took_s:.1f} ms"
+
+
+def advice(host: Host, address: str, port: int) -> str:
+    """Return what to do where a host does not reach us. address, port: of ours; 0: any."""
+    if host.spec.reaches:
+        return f"is `reaches` right, and does that forward connections to {address} here?"
+    origin = bracketed(host.origin) if host.origin else address
+    other = f", or --listen {origin}, from where SSH comes to it" * (origin != address)
+    if port:
+        return f"open TCP port {port} inbound on this host{other}"
+    return (
+        "open one TCP port inbound on this host, and name it, here and for `stepbus run`: "
+        f"--listen {origin}:7447"
+    )
 
 
 def _comes(listener: socket.socket, proof: bytes) -> bool:
@@ -172,7 +185,7 @@ def _comes(listener: socket.socket, proof: bytes) -> bool:
     return False
 
 
-def _times(host: _Host) -> Row:
+def _times(host: Host) -> Row:
     """Measure the round trip, and the difference of the clocks."""
     rounds = []
     for _ in range(_ROUNDS):

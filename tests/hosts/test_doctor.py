@@ -12,7 +12,9 @@ import pytest
 from support.surroundings import comes_true
 from support.tools import fake
 
+from stepbus_hosts import check, versions
 from stepbus_hosts.check import check_hosts
+from stepbus_hosts.hosts_file import HostSpec
 from stepbus_hosts.versions import compared, host_versions
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
@@ -97,7 +99,7 @@ def test_each_direction_that_fails_says_what_to_open(tmp_path):
         "here → locked": "let your key in there",
         "bare, agent": "install stepbus there, or name the right `python`",
         "full, agent": f"{tmp_path}/file",
-        "shut → here": f"127.0.0.1:{port}: Connection refused; open TCP port {port} inbound on this host",
+        "shut → here": f"127.0.0.1:{port}: Connection refused; is `reaches` right, and does that forward connections to 127.0.0.1 here?",
         "astray → here": f"something else than this host answers it at 127.0.0.1:{taken}",
     }
     assert {what for what, (verdict, _) in found.items() if verdict == "fail"} == parts.keys()
@@ -113,6 +115,21 @@ def test_an_address_of_another_host_cannot_be_listened_on(tmp_path):
     assert "192.0.2.1:7447 cannot be opened here: Cannot assign requested address" in text
 
 
+@pytest.mark.parametrize(
+    ("origin", "reaches", "port", "words"),
+    [
+        ("192.0.2.7", "", 7447, "open TCP port 7447 inbound on this host"),
+        ("192.0.2.9", "", 7447, "this host, or --listen 192.0.2.9, from where SSH comes to it"),
+        ("192.0.2.7", "", 0, "and name it, here and for `stepbus run`: --listen 192.0.2.7:7447"),
+        ("192.0.2.7", "203.0.113.1", 7447, "does that forward connections to 192.0.2.7 here?"),
+    ],
+)
+def test_what_to_open(origin, reaches, port, words):
+    host = check.Host("robot", HostSpec(address="robot", reaches=reaches))
+    host.origin = origin
+    assert check.advice(host, "192.0.2.7", port).endswith(words)
+
+
 def test_versions_that_differ_are_told_by_host():
     one = {"stepbus": "1", "numpy": "2"}
     rows = list(compared({"here": one, "robot": {**one, "numpy": "3", "pin": "4"}}))
@@ -125,8 +142,6 @@ def test_versions_that_differ_are_told_by_host():
 
 def test_the_message_types_that_ship_are_compared(monkeypatch):
     before = host_versions()["message types"]
-    from stepbus_hosts import versions  # noqa: PLC0415
-
     fewer = dict(list(versions.MESSAGE_TYPES.items())[1:])
     monkeypatch.setattr(versions, "MESSAGE_TYPES", fewer)
     assert host_versions()["message types"] != before

@@ -68,7 +68,7 @@ def doctor_command(given: Doctor) -> Answer:
         check = named_points(CHECKS)["ssh"].load()
         findings = [Finding(*row) for row in check(given.hosts, given.listen)]
     is_broken = any(finding.verdict == "fail" for finding in findings)
-    width = max(18, *(len(finding.what) for finding in findings))
+    width = max([18, *(len(finding.what) for finding in findings)])
     return Answer(
         value=findings,
         lines=[
