@@ -43,13 +43,14 @@ def check_hosts(file: Path, listen: str) -> Iterator[Row]:
     if not hosts:
         yield "hosts", "fail", f"{file} has none"
     address, port = parse_address(listen) if listen else ("", 0)
+    checked = [Host(name, spec) for name, spec in hosts.items()]
     with ExitStack() as stack:
-        with ThreadPoolExecutor() as pool:
-            checked = [Host(name, spec) for name, spec in hosts.items()]
-            for host in checked:
-                stack.callback(host.close)
-            rows = list(pool.map(Host.reach, checked))
-        yield from (row for some in rows for row in some)
+        # All close at once, also where Ctrl-C comes while all are being reached.
+        pool = stack.enter_context(ThreadPoolExecutor(max_workers=1 + 2 * len(hosts)))
+        for host in checked:
+            stack.callback(pool.submit, host.close)
+        for rows in pool.map(Host.reach, checked):
+            yield from rows
         reached = [host for host in checked if host.versions]
         if reached:
             origin = next(filter(None, (host.origin for host in reached)), "")
