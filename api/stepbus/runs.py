@@ -20,7 +20,7 @@ from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.live_file import call as call_run
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.run.run_scenario import Options, host_of
+from stepbus_orchestrator.run.run_scenario import Options, host_of, reaching
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
 from stepbus_orchestrator.scenario.load import load as load_scenario
 from stepbus_orchestrator.scenario.model import Scenario
@@ -80,6 +80,8 @@ def run(
     interrupt: threading.Event | None = None,
     in_process: bool = False,
     external: Mapping[str, str | PathLike[str]] | None = None,
+    hosts: str | PathLike[str] | None = None,
+    listen: str = "",
     real_time: float | None = None,
     report: bool = False,
     extensions: Sequence[RunExtension] = (),
@@ -92,7 +94,9 @@ def run(
     participants in this process, on its main thread, which is faster and records the same bytes
     (docs/guide/running/in_process.md). external: participants that you start
     with `stepbus join`, each with the path of its ticket (docs/guide/running/attach.md); the
-    tickets of others with `start: external` are in `out`. real_time: pace steps by the wall clock,
+    tickets of others with `start: external` are in `out`. hosts: file that says where the hosts of
+    the scenario are; listen: address and port for other hosts (docs/guide/running/hosts.md).
+    real_time: pace steps by the wall clock,
     as a factor of real time (docs/guide/running/real_time.md); `result.real_time` has their
     lateness. extensions: your own extensions (docs/guide/writing/extension.md).
 
@@ -104,14 +108,16 @@ def run(
         raise WiringError(f"real_time must be a factor from 0.001 to 1000, not {real_time}")
     loaded = load(scenario, set=set, faults=faults)
     tickets = {name: Path(path) for name, path in (external or {}).items()}
-    chosen: list[RunExtension] = [External(tickets), *extensions]
+    loaded = loaded.changed(tickets, start="external")
+    elsewhere, adapting = reaching(loaded, None if hosts is None else Path(hosts), listen)
+    chosen: list[RunExtension] = [External(tickets), *adapting, *extensions]
     if pace is not None:
         chosen.append(pace)
     if real_time is not None:
         chosen.append(RealTime(loaded.step_ns, float(real_time)))
     options = Options(
         out=None if out is None else Path(out),
-        host=host_of(in_process=in_process),
+        host=host_of(in_process=in_process, elsewhere=elsewhere),
         extensions=chosen,
     )
     result = run_scenario(loaded, options, observer, interrupt)

@@ -58,6 +58,11 @@ class Across(Elsewhere):
                 "--listen is for participants on other hosts, which the scenario has none of; name "
                 "those that you start yourself with --external"
             )
+        if self._hosts and not any(one.host for one in scenario.participants):
+            raise WiringError(
+                "--hosts: no participant has a host; give one to it, such as "
+                f"`--set {scenario.participants[-1].name}.host={next(iter(self._hosts))}`"
+            )
         if scenario.bus.transport == "tcp":
             raise WiringError(
                 "bus.transport: tcp is TCP on loopback; with participants on other hosts, leave it "
@@ -82,7 +87,8 @@ class Across(Elsewhere):
                     self._hosts[name].folder,
                     self._digests,
                 )
-                connection = self._links[name] = Connection(name, self._hosts[name], order)
+                connection = Connection(name, self._hosts[name], order, run.interrupt)
+                self._links[name] = connection
                 stack.enter_context(launcher.guarded(connection.pid))
                 stack.callback(self._leave, connection)
             origin = self._greet(files)
@@ -144,15 +150,19 @@ class Across(Elsewhere):
             return ParticipantState(spec, attached, external=attached)
         connection = self._links[spec.host]
         fields = {key: options[key] for key in ("faults", "checkpoint") if key in options}
+        if options.get("profile") is not None:
+            run.warn(spec.name, "is not profiled: its profile would be on another host")
         order = wire.Start(
             spec.name,
             tuple(spec.program),
             spec.join_timeout_ns,
-            gateway.endpoint_of(spec.name, connection.spec.reaches),
+            gateway.endpoint_of(
+                spec.name, connection.spec.reaches, compress=connection.spec.compress
+            ),
             msgspec.to_builtins(fields),
         )
         process = connection.start(order, run.out / LOGS_FOLDER / f"{spec.name}.log")
-        process.silent = lambda: gateway.silence(spec.name)
+        process.is_silent = lambda: gateway.silence(spec.name)
         run.timing.event("spawn", spec.name, f"pid {process.remote_pid} on {spec.host}")
         return ParticipantState(spec, process)
 

@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import BinaryIO
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.child import Child
@@ -48,7 +49,7 @@ class _Agent:
         self._order: wire.Open | None = None
         self._cache = Path()
         self._home = Path()
-        self._read: dict[str, int] = {}
+        self._logs: dict[str, BinaryIO] = {}
         self._ended: set[str] = set()
 
     def work(self) -> None:
@@ -63,6 +64,9 @@ class _Agent:
             with contextlib.suppress(OSError):
                 self._send(wire.Problem(_sentence(exc)))
         finally:
+            # All at once, before each in its turn.
+            for child in self._children.values():
+                child.terminate()
             left = [] if self._launcher is None else self._launcher.end_all()
             with contextlib.suppress(OSError):
                 self._report()
@@ -157,18 +161,15 @@ class _Agent:
         except (StartFailed, StepbusError) as exc:
             self._send(wire.Started(order.name, problem=str(exc)))
             return
-        self._read[order.name] = 0
+        self._logs[order.name] = child.log.open("rb")
         self._send(wire.Started(order.name, child.pid))
 
     def _report(self) -> None:
         """Send what participants have printed, and which have ended."""
         for name, child in self._children.items():
             code = None if name in self._ended else child.exit_code()
-            with contextlib.suppress(FileNotFoundError), child.log.open("rb") as file:
-                file.seek(self._read[name])
-                while text := file.read(1 << 16):
-                    self._read[name] += len(text)
-                    self._send(wire.Printed(name, text))
+            while text := self._logs[name].read(1 << 16):
+                self._send(wire.Printed(name, text))
             if code is not None:
                 self._ended.add(name)
                 self._send(wire.Ended(name, code))

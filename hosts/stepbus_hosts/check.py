@@ -5,6 +5,7 @@ import os
 import secrets
 import socket
 import subprocess
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -12,7 +13,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Literal
 
-from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.errors import Interrupted, StartFailed
 
 from . import wire
 from .addresses import bracketed, own_addresses, parse_address
@@ -43,12 +44,14 @@ def check_hosts(file: Path, listen: str) -> Iterator[Row]:
     if not hosts:
         yield "hosts", "fail", f"{file} has none"
     address, port = parse_address(listen) if listen else ("", 0)
-    checked = [Host(name, spec) for name, spec in hosts.items()]
+    interrupt = threading.Event()
+    checked = [Host(name, spec, interrupt) for name, spec in hosts.items()]
     with ExitStack() as stack:
         # All close at once, also where Ctrl-C comes while all are being reached.
         pool = stack.enter_context(ThreadPoolExecutor(max_workers=1 + 2 * len(hosts)))
         for host in checked:
             stack.callback(pool.submit, host.close)
+        stack.callback(interrupt.set)
         for rows in pool.map(Host.reach, checked):
             yield from rows
         reached = [host for host in checked if host.versions]
@@ -62,11 +65,12 @@ def check_hosts(file: Path, listen: str) -> Iterator[Row]:
 class Host:
     """A host, and the agent there.
 
-    origin, versions: what that has said of itself; empty: it is not reached.
+    interrupt: ends the wait for it. origin, versions: what that has said of itself; empty: it is
+    not reached.
     """
 
-    def __init__(self, name: str, spec: HostSpec) -> None:
-        self.name, self.spec = name, spec
+    def __init__(self, name: str, spec: HostSpec, interrupt: threading.Event) -> None:
+        self.name, self.spec, self._interrupt = name, spec, interrupt
         self.origin, self.versions = "", dict[str, str]()
         self._connection: Connection | None = None
 
@@ -102,9 +106,9 @@ class Host:
         what, spec = f"{self.name}, agent", self.spec
         order = wire.Open("doctor", secrets.token_hex(8), _LEASE_S, spec.folder, {})
         try:
-            self._connection = Connection(self.name, spec, order)
+            self._connection = Connection(self.name, spec, order, self._interrupt)
             greeting = self._connection.greeting()
-        except StartFailed as exc:
+        except (StartFailed, Interrupted) as exc:
             hint = "; install stepbus there, or name the right `python`"
             return what, "fail", f"{exc}{hint * ('No module named' in str(exc))}"
         self.origin, self.versions = greeting.origin, greeting.versions

@@ -5,6 +5,7 @@ import os
 import shlex
 import signal
 import subprocess
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -12,7 +13,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.errors import Interrupted, StartFailed
 from stepbus_orchestrator.processes.activity import NOTHING, Activity
 from stepbus_orchestrator.processes.child import Process
 from stepbus_participant import append_to
@@ -25,7 +26,11 @@ _GREET_S = 30.0
 _FILES_S = 600.0
 _END_S = 8.0
 _KILL_S = 5.0
+_SILENT_S = 1.5
+"""Three times as long as two beats are apart."""
 _SHOWN = 400
+_LONGEST = 1 << 24
+"""What an agent sends is smaller, such as 64 KiB of output [bytes]."""
 
 
 def ssh_command(spec: HostSpec, there: str) -> list[str]:
@@ -37,26 +42,30 @@ def ssh_command(spec: HostSpec, there: str) -> list[str]:
 class Connection:
     """The agent on a host.
 
-    name: of the host in the scenario. greeting: what it has said of itself; pid: of `ssh`.
+    name: of the host in the scenario. interrupt: ends the wait for an answer. pid: of `ssh`.
 
     Raises StartFailed where it cannot be reached, or stepbus is not there.
     """
 
-    def __init__(self, name: str, spec: HostSpec, order: wire.Open) -> None:
-        self.name, self.spec = name, spec
+    def __init__(
+        self, name: str, spec: HostSpec, order: wire.Open, interrupt: threading.Event
+    ) -> None:
+        self.name, self.spec, self._interrupt = name, spec, interrupt
         self._lease_s = order.lease_s
         self._processes: dict[str, RemoteProcess] = {}
         self._queue = SimpleQueue[wire.Frame | None]()
-        self._lost, self._heard = "", time.monotonic()
+        # Until it has said anything, it has as long as for its greeting.
+        self._lost, self._heard = "", time.monotonic() + _GREET_S
         self._answers = SimpleQueue[Any]()
         self._left: list[tuple[str, str]] = []
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115  (open as long as `ssh`)
         there = shlex.join([spec.python, "-P", "-m", "stepbus_hosts.agent"])
         try:
             self._ssh = subprocess.Popen(
                 ssh_command(spec, f"exec {there}"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
+                stderr=self._said,
                 # Ctrl-C in the terminal does not reach it.
                 start_new_session=True,
             )
@@ -98,10 +107,16 @@ class Connection:
         return probed
 
     def _answer(self, wait_s: float, participant: str | None = None) -> Any:
-        try:
-            answer = self._answers.get(timeout=wait_s)
-        except Empty:
-            answer = wire.Problem(f"has not answered for {wait_s:g} s; {self._hint()}")
+        give_up, answer = time.monotonic() + wait_s, None
+        while answer is None:
+            with contextlib.suppress(Empty):
+                answer = self._answers.get(timeout=0.1)
+            if self._interrupt.is_set():
+                raise Interrupted(f"interrupted while waiting for host {self.name}")
+            if answer is None and (why := self.lost()):
+                answer = wire.Problem(why)
+            if answer is None and time.monotonic() > give_up:
+                answer = wire.Problem(f"has not answered for {wait_s:g} s; {self._hint()}")
         if isinstance(answer, wire.Problem):
             raise StartFailed(
                 f"host {self.name} ({self.spec.destination}): {answer.text}",
@@ -142,8 +157,9 @@ class Connection:
                 self._left.append((self.name, f"its agent did not end within {_END_S:g} s"))
         for thread in self._threads:
             thread.join(_KILL_S)
-        for stream in filter(None, (self._ssh.stdout, self._ssh.stderr)):
-            stream.close()
+        self._said.close()
+        if self._ssh.stdout is not None:
+            self._ssh.stdout.close()
         return self._left
 
     # --- its threads --------------------------------------------------------------------------
@@ -166,8 +182,7 @@ class Connection:
 
     def _read(self) -> None:
         assert self._ssh.stdout is not None  # noqa: S101
-        assert self._ssh.stderr is not None  # noqa: S101
-        frames = wire.Frames(self._ssh.stdout.fileno(), wire.MARK)
+        frames = wire.Frames(self._ssh.stdout.fileno(), wire.MARK, _LONGEST)
         why = ""
         try:
             while True:
@@ -175,7 +190,8 @@ class Connection:
                     self._heard = time.monotonic()
                     self._take(frame)
         except EOFError:
-            said = self._ssh.stderr.read().decode(errors="replace").strip()
+            self._said.seek(0)
+            said = self._said.read(1 << 16).decode(errors="replace").strip()
             why = " ".join(said.splitlines()[-3:])[-_SHOWN:] or "the connection was closed"
         except Exception as exc:  # noqa: BLE001  (whatever it sends, it is lost)
             why = f"does not speak as its agent: {exc}"
@@ -207,7 +223,7 @@ class RemoteProcess(Process):
         self.remote_pid = 0
         self.code: int | None = None
         self.is_over = threading.Event()
-        self.silent: Callable[[], str] = lambda: ""
+        self.is_silent: Callable[[], str] = str
         self._is_terminated = False
 
     def where(self) -> str:
@@ -229,9 +245,9 @@ class RemoteProcess(Process):
     def silence(self) -> str:
         """Return that nothing comes from its host, and since when; empty: its host answers."""
         silent_s = self._host.silent_s()
-        if silent_s > 1.0:
-            return f"is on {self._host.name}, from which nothing has come for {silent_s:.1f} s"
-        return self.silent()
+        if silent_s > _SILENT_S:
+            return f"nothing has come from host {self._host.name} for {silent_s:.1f} s"
+        return self.is_silent()
 
     def activity(self) -> Activity:
         """Return nothing: what it does there is not known here."""

@@ -30,6 +30,8 @@ _ACCEPT_MS = 10_000
 """How long a link may take to open: several round trips, of a second each on a bad link."""
 _UNOWNED = re.compile(r"CertCommonName\(([^)]*)\).* is unauthorized to Put \(ingress\) on (\S+)")
 _TLS = "transport/link/tls/"
+_COMPRESSION = "transport/unicast/compression/enabled"
+"""A link is compressed where both ends have it on."""
 
 
 class Gateway:
@@ -72,6 +74,7 @@ class Gateway:
                 **endpoint.settings,
                 **self._certificate(GATEWAY),
                 "mode": "router",
+                _COMPRESSION: True,
                 "transport/link/tx/lease": lease_ms,
                 "transport/unicast/accept_timeout": _ACCEPT_MS,
                 # What one reader does not take holds up the others no longer than that.
@@ -119,10 +122,11 @@ class Gateway:
             f"{_TLS}verify_name_on_connect": False,
         }
 
-    def endpoint_of(self, name: str, reached: str = "") -> Endpoint:
+    def endpoint_of(self, name: str, reached: str = "", *, compress: bool = False) -> Endpoint:
         """Return the endpoint of a participant behind the gateway: it opens one link, to there.
 
         reached: `ADDRESS[:PORT]` of the gateway as seen from there; default: where it listens.
+        compress: whether what goes over the link is compressed.
         """
         host, port = parse_address(reached) if reached else (self.address, self.port)
         keys = f"stepbus/{self._run}/**"
@@ -137,6 +141,7 @@ class Gateway:
             password=self._passwords[name],
             settings={
                 "mode": "client",
+                _COMPRESSION: compress,
                 "transport/link/tx/lease": round(1000 * self._lease_s),
                 **self._certificate(name),
                 # Another participant's certificate does not make it the gateway.
@@ -160,11 +165,11 @@ class Gateway:
         )
 
     def silence(self, name: str) -> str:
-        """Return since when nothing of a participant's host is acknowledged; empty: it answers."""
+        """Return that a participant's host did not answer when last seen; empty: it did."""
+        if self._failed:
+            return self._failed
         silent_s = self.silent_s.get(name, 0.0)
-        if not silent_s:
-            return ""
-        return f"has been out of reach for {silent_s:.1f} s: {self.links.get(name)} does not answer"
+        return f"{self.links[name]} has not answered for {silent_s:.1f} s" if silent_s else ""
 
     def cut(self, name: str) -> None:
         """End the link of a participant."""
@@ -189,7 +194,7 @@ class Gateway:
             self._process.stdin.write(line + b"\n")
             self._process.stdin.flush()
         except (OSError, ValueError):
-            self._failed = self._failed or "the gateway has ended"
+            self._failed = self._failed or f"the gateway (pid {self.pid}) has ended"
 
     def _read(self) -> None:
         """Take what the process tells, and Zenoh in it, until it ends."""
@@ -207,7 +212,7 @@ class Gateway:
             elif line.endswith("Msg intercepted!"):
                 self._refuse(f"a message of {unowned or 'a participant'}, not its own key")
                 unowned = ""
-        self._failed = self._failed or "the gateway has ended"
+        self._failed = self._failed or f"the gateway (pid {self.pid}) has ended"
         self._is_up.set()
 
     def _take(self, row: dict[str, Any]) -> None:

@@ -23,6 +23,9 @@ class HostSpec(Settings):
     """`ADDRESS[:PORT]` by which it reaches this host, where that is not the address on which the
     run listens: behind a router that forwards a port."""
 
+    compress: bool = False
+    """Whether what goes to and from it is compressed (LZ4): for images over a slow network."""
+
     @property
     def destination(self) -> str:
         """Return what `ssh` is to connect to."""

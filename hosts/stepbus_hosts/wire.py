@@ -14,7 +14,6 @@ from stepbus_participant import Endpoint
 MARK = b"stepbus agent 1\n"
 """The first that the agent sends; what the user's shell prints before it is passed over."""
 _HEAD = 4
-_LONGEST = 1 << 31
 
 
 class Frame(msgspec.Struct, tag=True, omit_defaults=True):
@@ -134,10 +133,11 @@ def packed(frame: Frame) -> bytes:
 
 
 class Frames:
-    """Reads frames from a descriptor."""
+    """Reads frames from a descriptor. mark: what comes before the first. longest: [bytes]."""
 
-    def __init__(self, descriptor: int, mark: bytes = b"") -> None:
-        self._descriptor, self._mark, self._buffer = descriptor, mark, bytearray()
+    def __init__(self, descriptor: int, mark: bytes = b"", longest: int = 1 << 31) -> None:
+        self._descriptor, self._mark, self._longest = descriptor, mark, longest
+        self._buffer = bytearray()
 
     def read(self) -> Iterator[Any]:
         """Read once, and yield the frames that are complete; raises EOFError at the end.
@@ -156,7 +156,7 @@ class Frames:
             self._mark = b""
         while len(self._buffer) >= _HEAD:
             length = int.from_bytes(self._buffer[:_HEAD], "big")
-            if length > _LONGEST:
+            if length > self._longest:
                 raise ValueError(f"a frame of {length} bytes")
             if len(self._buffer) < _HEAD + length:
                 return

@@ -7,6 +7,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import threading
 
 import pytest
 from support.surroundings import comes_true
@@ -125,7 +126,7 @@ def test_an_address_of_another_host_cannot_be_listened_on(tmp_path):
     ],
 )
 def test_what_to_open(origin, reaches, port, words):
-    host = check.Host("robot", HostSpec(address="robot", reaches=reaches))
+    host = check.Host("robot", HostSpec(address="robot", reaches=reaches), threading.Event())
     host.origin = origin
     assert check.advice(host, "192.0.2.7", port).endswith(words)
 

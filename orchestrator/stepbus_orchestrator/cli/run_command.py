@@ -11,7 +11,7 @@ from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.cli.viewer import viewed
-from stepbus_orchestrator.plugins import AFTER_RUN, HOSTS, named_points, points
+from stepbus_orchestrator.plugins import AFTER_RUN, points
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions import load_extension
 from stepbus_orchestrator.run.extensions.debug import Debug
@@ -20,10 +20,9 @@ from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.profile import Profile
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.folder import default_folder
-from stepbus_orchestrator.run.hosts import Elsewhere
 from stepbus_orchestrator.run.reports import Lateness, in_units
 from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.run.run_scenario import Options, host_of, run
+from stepbus_orchestrator.run.run_scenario import Options, host_of, reaching, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import parse_duration, whole_steps
@@ -54,7 +53,7 @@ def run_command(given: Run) -> int:
     for point in points(AFTER_RUN) if is_read else ():
         point.load()
     pace = Pace(step_of(given.pause_at, loaded.step_ns))
-    elsewhere, adapting = _elsewhere(given, loaded)
+    elsewhere, adapting = reaching(loaded, given.hosts, given.listen)
     options = Options(
         out=given.out,
         host=host_of(
@@ -119,15 +118,6 @@ def _load(given: Run) -> Scenario:
             raise WiringError("--join-timeout is for participants with `start: external`")
         scenario = scenario.changed(names, spawn_timeout_ns=parse_duration(given.join_timeout))
     return scenario
-
-
-def _elsewhere(given: Run, scenario: Scenario) -> tuple[Elsewhere, list[RunExtension]]:
-    """Return what takes the run to other hosts, with the extensions that it needs."""
-    if given.hosts is None and not given.listen:
-        return Elsewhere(), []
-    point = named_points(HOSTS)["ssh"]
-    elsewhere, extension = point.load()(scenario, given.hosts, given.listen)
-    return elsewhere, [extension]
 
 
 def step_of(text: str, step_ns: int) -> int | None:

@@ -174,7 +174,8 @@ class Attached(Process):
 
     def how_it_ended(self) -> str:
         """Return its end in words."""
-        return "has left the bus: it has ended or was killed; stepbus cannot see its exit code"
+        why = self.silence() or "it has ended or was killed; stepbus cannot see its exit code"
+        return f"has left the bus: {why}"
 
     def last_output(self) -> str:
         """Return nothing: it prints where it was started."""

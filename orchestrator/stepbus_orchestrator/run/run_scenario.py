@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure
+from stepbus_orchestrator.plugins import HOSTS, named_points
 from stepbus_orchestrator.processes.launcher import check_limits
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.extension import Host, RunExtension, overriding
@@ -50,6 +51,20 @@ def host_of(
     if in_process:
         return InProcess(owns_descriptors=owns_descriptors, is_star=is_star)
     return Processes(is_star=is_star, elsewhere=elsewhere or Elsewhere())
+
+
+def reaching(
+    scenario: Scenario, hosts: Path | None, listen: str
+) -> tuple[Elsewhere, list[RunExtension]]:
+    """Return what takes a run to other hosts, and the extensions that it needs.
+
+    hosts: file that says where they are. listen: address and port for them. Raises WiringError for
+    a file or an address that is none.
+    """
+    if hosts is None and not listen:
+        return Elsewhere(), []
+    elsewhere, extension = named_points(HOSTS)["ssh"].load()(scenario, hosts, listen)
+    return elsewhere, [extension]
 
 
 def run(

@@ -30,9 +30,9 @@ class Debug(RunExtension):
         names = [*self._names, *self._no_deadline]
         check_names(scenario, names, "debug")
         for name in self._names:
-            if scenario.participant(name).is_external:
+            if not scenario.participant(name).is_here:
                 raise WiringError(
-                    f"{name}: --debug is only for participants that stepbus starts; "
+                    f"{name}: --debug is only for participants that stepbus starts on this host; "
                     f"start this one in a debugger yourself, with --no-deadline {name}"
                 )
         return scenario.changed(names, **_NO_DEADLINES)

@@ -70,11 +70,16 @@ class External(RunExtension):
         external = participant.external
         if external is None:
             return
+        how = f"start it with `{external.command}`"
+        if participant.spec.folder:
+            ticket = external.ticket
+            copied, word = ("", "LINE") if external.line else (f"{ticket} and ", ticket.name)
+            how = (
+                f"copy {copied}the scenario's folder to its host, and start it there, in that "
+                f"folder, with `stepbus join {word}`"
+            )
         own = shlex.join(participant.spec.program)
-        text = (
-            f"start it with `{external.command}`, which runs `{own}`; append `-- PROGRAM` to run "
-            "another program"
-        )
+        text = f"{how}, which runs `{own}`; append `-- PROGRAM` to run another program"
         if external.line:
             # A line of its own: it is selected by one click.
             text += f"; LINE is for this run only, and a secret:\nstepbus join {external.line}"

@@ -198,7 +198,9 @@ def message_faults(scenario: Scenario, name: str) -> list[MessageFault]:
 
 def _end(process: Process, number: int) -> None:
     """End a process by a signal, without a core file in the scenario's folder."""
+    # Process 0 would be this one; one on another host is unknown to the kernel here.
     with contextlib.suppress(ProcessLookupError, PermissionError):
-        resource.prlimit(process.pid, resource.RLIMIT_CORE, (0, 0))
+        if process.pid:
+            resource.prlimit(process.pid, resource.RLIMIT_CORE, (0, 0))
     process.signal(number)
     process.wait(1.0)

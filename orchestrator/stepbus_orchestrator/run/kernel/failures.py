@@ -16,7 +16,7 @@ def late_to_start(state: RunState, participant: ParticipantState) -> StartFailed
     target = -pid if participant.external is None else pid
     activity = participant.process.activity()
     silence = participant.process.silence()
-    cause = f"it {silence}." if silence else activity.reason(target, participant.in_phase_s)
+    cause = f"{silence}." if silence else activity.reason(target, participant.in_phase_s)
     return state.failure(
         StartFailed,
         participant,
@@ -80,7 +80,7 @@ def _waits_in_held_step(participant: ParticipantState) -> bool:
 def _silence(participant: ParticipantState) -> str:
     """Return that the host of a participant is out of reach; empty: it is not."""
     silence = participant.process.silence()
-    return f"{silence}, and has held the step for {participant.holds_s:.1f} s;" if silence else ""
+    return f"holds the step for {participant.holds_s:.1f} s: {silence};" if silence else ""
 
 
 def _holds(state: RunState, participant: ParticipantState) -> str:
