@@ -1,7 +1,6 @@
 """Takes a run to other hosts: the gateway here, an agent on each host over SSH."""
 
 import hashlib
-import itertools
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -27,7 +26,7 @@ from .agent import SCENARIO
 from .connection import Connection
 from .gateway import GATEWAY, Gateway
 from .hosts_file import read_hosts
-from .versions import MUST_AGREE, host_versions
+from .versions import MUST_AGREE, compared, host_versions
 
 _LEASE_S = 10.0
 
@@ -120,24 +119,18 @@ class Across(Elsewhere):
 
     def _greet(self, files: Mapping[str, bytes]) -> str:
         """Compare what the hosts have with what we have; return the address that reached one."""
-        own, origin, rows = host_versions(), "", dict[str, dict[str, str]]()
+        origin, table = "", {"here": host_versions()}
         contents = {hashlib.sha256(content).hexdigest(): content for content in files.values()}
         for name, connection in self._links.items():
             greeting = connection.greeting()
             connection.deliver({key: contents[key] for key in greeting.missing})
-            rows[name] = greeting.versions
+            table[name] = greeting.versions
             origin = origin or greeting.origin
         if not self._listen[0] and not origin:
             raise StartFailed("no host says by which address it was reached; give --listen ADDRESS")
-        differing = [
-            key
-            for key in dict.fromkeys(itertools.chain(own, *rows.values()))
-            if len({own.get(key), *(row.get(key) for row in rows.values())}) > 1
-        ]
+        differing = {name: words for name, is_same, words in compared(table) if not is_same}
         if differing:
-            table = {"here": own, **rows}
-            lines = [f"{key}: {', '.join(f'{host} {row.get(key)}' for host, row in table.items())}"
-                     for key in differing]  # fmt: skip
+            lines = map(": ".join, differing.items())
             text = "the hosts have different versions:\n    " + "\n    ".join(lines)
             if set(differing) & set(MUST_AGREE):
                 raise StartFailed(f"{text}\n    install the same stepbus on all of them")

@@ -10,7 +10,9 @@ import hashlib
 import os
 import select
 import signal
+import socket
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import BinaryIO
@@ -31,6 +33,7 @@ SCENARIO = "scenario"
 """The key of the scenario itself among its files."""
 _LOOK_S = 0.02
 _KEPT_S = 30 * 86400
+_REACH_S = 5.0
 
 
 class _Lost(Exception):
@@ -55,10 +58,11 @@ class _Agent:
         try:
             while True:
                 self._turn()
-        except (_Lost, EOFError, OSError):
+        except (_Lost, EOFError):
             return
-        except StepbusError as exc:
-            self._send(wire.Problem(str(exc)))
+        except (StepbusError, OSError) as exc:
+            with contextlib.suppress(OSError):
+                self._send(wire.Problem(_sentence(exc)))
         finally:
             # All at once, before each in its turn.
             for child in self._children.values():
@@ -104,6 +108,8 @@ class _Agent:
             case wire.Signal(name=name, number=number):
                 if (child := self._children.get(name)) is not None:
                     child.signal(number)
+            case wire.Probe():
+                self._send(_probed(frame))
             case wire.Close():
                 raise _Lost
 
@@ -112,6 +118,8 @@ class _Agent:
         self._beat_s = min(0.5, order.lease_s / 4)
         self._cache = Path(order.folder).expanduser() / "files"
         make_folder(self._cache)
+        with tempfile.TemporaryFile(dir=self._cache):
+            pass  # That one can be written shows in time.
         for path in self._cache.iterdir():
             if path.stat().st_mtime < time.time() - _KEPT_S:
                 path.unlink(missing_ok=True)
@@ -119,7 +127,7 @@ class _Agent:
         missing = [name for name in set(order.files.values()) if not self._has(name)]
         origin = os.environ.get("SSH_CONNECTION", "").partition(" ")[0]
         self._send(wire.Greeting(host_versions(), origin, missing))
-        if not missing:
+        if order.files and not missing:
             self._unpack()
 
     def _has(self, name: str) -> bool:
@@ -165,6 +173,26 @@ class _Agent:
             if code is not None:
                 self._ended.add(name)
                 self._send(wire.Ended(name, code))
+
+
+def _sentence(exc: Exception) -> str:
+    """Return what is wrong, with the file if it is one."""
+    if isinstance(exc, OSError):
+        return f"{exc.filename or 'a file'}: {exc.strerror}; may you write there, is there room?"
+    return str(exc)
+
+
+def _probed(order: wire.Probe) -> wire.Probed:
+    """Send the proof to the port, if there is one."""
+    began_s, took_s, problem = time.monotonic(), 0.0, ""
+    try:
+        if order.port:
+            with socket.create_connection((order.host, order.port), _REACH_S) as link:
+                took_s = time.monotonic() - began_s
+                link.sendall(order.proof)
+    except OSError as exc:
+        problem = exc.strerror or f"no answer within {_REACH_S:g} s"
+    return wire.Probed(time.time(), took_s, problem)
 
 
 def main() -> None:

@@ -33,6 +33,12 @@ _LONGEST = 1 << 24
 """What an agent sends is smaller, such as 64 KiB of output [bytes]."""
 
 
+def ssh_command(spec: HostSpec, there: str) -> list[str]:
+    """Return the command that runs another one on a host, and asks the user nothing."""
+    options = ("-T", "-oBatchMode=yes", f"-oConnectTimeout={_CONNECT_S}", *spec.ssh)
+    return ["ssh", *options, "--", spec.destination, there]
+
+
 class Connection:
     """The agent on a host.
 
@@ -54,10 +60,9 @@ class Connection:
         self._left: list[tuple[str, str]] = []
         self._said = tempfile.TemporaryFile()  # noqa: SIM115  (open as long as `ssh`)
         there = shlex.join([spec.python, "-P", "-m", "stepbus_hosts.agent"])
-        options = ("-T", "-oBatchMode=yes", f"-oConnectTimeout={_CONNECT_S}", *spec.ssh)
         try:
             self._ssh = subprocess.Popen(
-                ["ssh", *options, "--", spec.destination, f"exec {there}"],
+                ssh_command(spec, f"exec {there}"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._said,
@@ -95,6 +100,12 @@ class Connection:
         process.remote_pid = started.pid
         return process
 
+    def probe(self, order: wire.Probe) -> wire.Probed:
+        """Return what a port is like from there."""
+        self._queue.put(order)
+        probed: wire.Probed = self._answer(_GREET_S)
+        return probed
+
     def _answer(self, wait_s: float, participant: str | None = None) -> Any:
         give_up, answer = time.monotonic() + wait_s, None
         while answer is None:
@@ -105,15 +116,17 @@ class Connection:
             if answer is None and (why := self.lost()):
                 answer = wire.Problem(why)
             if answer is None and time.monotonic() > give_up:
-                answer = wire.Problem(f"has not answered for {wait_s:g} s")
+                answer = wire.Problem(f"has not answered for {wait_s:g} s; {self._hint()}")
         if isinstance(answer, wire.Problem):
-            spec = self.spec
-            try_it = shlex.join(["ssh", *spec.ssh, spec.destination, spec.python, "--version"])
             raise StartFailed(
-                f"host {self.name} ({spec.destination}): {answer.text}; try `{try_it}`",
+                f"host {self.name} ({self.spec.destination}): {answer.text}",
                 participant=participant,
             )
         return answer
+
+    def _hint(self) -> str:
+        spec = self.spec
+        return f"try `{shlex.join(['ssh', *spec.ssh, spec.destination, spec.python, '--version'])}`"
 
     def send(self, frame: wire.Frame) -> None:
         """Send the agent a frame."""
@@ -145,6 +158,8 @@ class Connection:
         for thread in self._threads:
             thread.join(_KILL_S)
         self._said.close()
+        if self._ssh.stdout is not None:
+            self._ssh.stdout.close()
         return self._left
 
     # --- its threads --------------------------------------------------------------------------
@@ -181,7 +196,7 @@ class Connection:
         except Exception as exc:  # noqa: BLE001  (whatever it sends, it is lost)
             why = f"does not speak as its agent: {exc}"
         self._lost = self._lost or why
-        self._answers.put(wire.Problem(why))
+        self._answers.put(wire.Problem(f"{why}; {self._hint()}"))
         for process in self._processes.values():
             process.is_over.set()
 
@@ -195,7 +210,7 @@ class Connection:
                 self._processes[name].is_over.set()
             case wire.Left(rows=rows):
                 self._left += [(name, f"on {self.name}, {text}") for name, text in rows]
-            case wire.Greeting() | wire.Started() | wire.Problem():
+            case wire.Greeting() | wire.Probed() | wire.Started() | wire.Problem():
                 self._answers.put(frame)
 
 

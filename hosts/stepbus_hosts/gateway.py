@@ -185,6 +185,8 @@ class Gateway:
             self._process.kill()
             self._process.wait()  # no time-out: it was killed
         self._reader.join(_END_S)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
 
     def _write(self, line: bytes) -> None:
         try:

@@ -1,12 +1,15 @@
 """What may differ between two hosts: protocol, message types, Python, libraries."""
 
 import hashlib
+import itertools
 import platform
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import msgspec
 
 from stepbus_participant import installed_version
-from stepbus_schemas import PROTOCOL_VERSION, SHIPPED
+from stepbus_schemas import MESSAGE_TYPES, PROTOCOL_VERSION
 
 MUST_AGREE = ("protocol", "message types", "stepbus")
 """Where these differ, no step is done."""
@@ -15,11 +18,35 @@ _PACKAGES = ("stepbus", "eclipse-zenoh", "msgspec", "numpy", "pin", "pybullet", 
 
 def host_versions() -> dict[str, str]:
     """Return name → version of all that takes part in what a participant computes and sends."""
-    types = msgspec.json.encode(SHIPPED.only(SHIPPED.declarations).declarations, order="sorted")
+    _, types = msgspec.json.schema_components(MESSAGE_TYPES.values())
+    shapes = msgspec.json.encode(_without_help(types), order="sorted")
     return {
         "protocol": str(PROTOCOL_VERSION),
-        "message types": hashlib.sha256(types).hexdigest()[:12],
+        "message types": hashlib.sha256(shapes).hexdigest()[:12],
         "python": platform.python_version(),
         "machine": platform.machine(),
         **{name: installed_version(name) for name in _PACKAGES},
     }
+
+
+def _without_help(node: Any) -> Any:
+    """Return a schema without its texts, which depend on the Python."""
+    if isinstance(node, list):
+        return [_without_help(one) for one in node]
+    if not isinstance(node, dict):
+        return node
+    # A field may have that name.
+    rows = ((k, v) for k, v in node.items() if k != "description" or isinstance(v, dict))
+    return {key: _without_help(value) for key, value in rows}
+
+
+def compared(table: Mapping[str, Mapping[str, str]]) -> Iterator[tuple[str, bool, str]]:
+    """Yield (name, whether all hosts have the same version, the versions in words).
+
+    table: host → what `host_versions` returns there.
+    """
+    for name in dict.fromkeys(itertools.chain(*table.values())):
+        found = {host: row.get(name) or "none" for host, row in table.items()}
+        is_same = len(set(found.values())) == 1
+        words = next(iter(found.values())) if is_same else ", ".join(map(" ".join, found.items()))
+        yield name, is_same, words

@@ -4,7 +4,7 @@ Each frame is its length in four bytes, and a MessagePack map with its type.
 """
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
@@ -53,6 +53,14 @@ class Signal(Frame):
     number: int
 
 
+class Probe(Frame):
+    """To the agent: bytes to send to a port, where there is one, to tell what that is like."""
+
+    host: str = ""
+    port: int = 0
+    proof: bytes = b""
+
+
 class Close(Frame):
     """To the agent: end all."""
 
@@ -67,6 +75,14 @@ class Greeting(Frame):
     versions: dict[str, str]
     origin: str
     missing: list[str]
+
+
+class Probed(Frame):
+    """From the agent: how long the port took to answer, or the problem; its clock."""
+
+    clock_s: float
+    took_s: float
+    problem: str
 
 
 class Started(Frame):
@@ -104,8 +120,8 @@ class Problem(Frame):
 
 
 _Any = (
-    Open | Content | Start | Signal | Close | Beat | Greeting | Started | Printed | Ended | Left
-    | Problem
+    Open | Content | Start | Signal | Probe | Close | Beat | Greeting | Probed | Started | Printed
+    | Ended | Left | Problem
 )  # fmt: skip
 _decoder = msgspec.msgpack.Decoder(_Any)
 
@@ -147,8 +163,3 @@ class Frames:
             body = bytes(self._buffer[_HEAD : _HEAD + length])
             del self._buffer[: _HEAD + length]
             yield _decoder.decode(body)
-
-
-def differing(own: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
-    """Return the names of what the other side has in another version, or only one of both."""
-    return [name for name in sorted({*own, *other}) if own.get(name) != other.get(name)]

@@ -31,6 +31,8 @@ STARTERS = "stepbus.starters"
 """Ending, such as `.fmu` → `(path, name) -> files` of what `stepbus new` makes of such a file."""
 HOSTS = "stepbus.hosts"
 """`(scenario, hosts, listen) -> (elsewhere, extension)`: what takes a run to other hosts."""
+CHECKS = "stepbus.checks"
+"""`(hosts, listen) -> rows`, each (what, `ok`, `warn` or `fail`, text), for `stepbus doctor`."""
 ABOUT = "stepbus.about"
 """A participant's class → `(participant, scenario) -> lines` that `stepbus describe` adds."""
 

@@ -13,6 +13,7 @@ from rich.table import Table
 from stepbus_orchestrator.cli.commands import Bridge, Call, Join
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error, table, visible
 from stepbus_orchestrator.processes.attached import await_ticket, check_files
+from stepbus_orchestrator.processes.ticket_line import MARK, check_reachable, content_of, path_of
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.run.live_file import call
 from stepbus_orchestrator.scenario.model import BridgeSpec, ParticipantSpec
@@ -27,7 +28,11 @@ _RUN = "run"
 
 def join_command(given: Join) -> int:
     """Wait for the run of a ticket, and become the participant's program."""
-    awaited = await_ticket(given.ticket, parse_duration(given.wait) * 1e-9, _notify)
+    path = given.ticket
+    if str(given.ticket).startswith(MARK):
+        path = Path(path_of(content_of(str(given.ticket))))
+    awaited = await_ticket(path, parse_duration(given.wait) * 1e-9, _notify)
+    check_reachable(awaited)
     folder = Path.cwd() if given.program else Path(awaited.folder or Path.cwd())
     check_files(awaited.files, folder)
     bridge = (
@@ -36,7 +41,7 @@ def join_command(given: Join) -> int:
     words = given.program or awaited.exec
     argv = command(ParticipantSpec(name=awaited.name, exec=words, bridge=bridge).program, folder)
     _notify(f"{awaited.name} of run {awaited.run}: {' '.join(argv)}")
-    _become(argv, folder, participant_environment(str(given.ticket.absolute())))
+    _become(argv, folder, participant_environment(str(path.absolute())))
 
 
 def _notify(sentence: str) -> None:

@@ -69,7 +69,8 @@ class Run(Command, work="run_command", group="run", is_run=True):
     """run a participant in this terminal without deadlines, for a debugger"""
     external: Annotated[Texts, Parameter(metavar="PARTICIPANT[=TICKET]")] = ()
     """wait for a participant that you start yourself, with `stepbus join TICKET`; default: a ticket
-    in the folder of the run; may be repeated (docs/guide/running/attach.md)"""
+    in the folder of the run; `-`: print it as one line to copy; may be repeated
+    (docs/guide/running/attach.md)"""
     hosts: File = None
     """where the hosts are on which participants of the scenario run (`host:`); they are reached by
     SSH (docs/guide/running/hosts.md)"""
@@ -452,7 +453,8 @@ class Join(Command, work="attach", group="attach"):
     """
 
     ticket: Path
-    """the ticket, whose path the run prints"""
+    """the ticket: its path, which the run prints, or the line that it prints with `--external
+    NAME=-`"""
     program: Texts = ()
     """command line of the program, after `--`; default: the one in the scenario"""
     _: KW_ONLY

@@ -8,6 +8,7 @@ import contextlib
 import hashlib
 import os
 import secrets
+import shlex
 import socket
 import struct
 import time
@@ -112,13 +113,18 @@ def check_files(files: Mapping[str, str], folder: Path) -> None:
 def _read(path: Path) -> JoinTicket:
     """Return the ticket in a file; raises OSError, and WiringError where it is none of ours."""
     with os.fdopen(open_regular(path), "rb") as file:
-        owner = os.fstat(file.fileno()).st_uid
+        found = os.fstat(file.fileno())
+        owner = found.st_uid
         if owner != os.geteuid():
             # It names a program to start.
             raise WiringError(
                 f"{path}: owned by user {owner}, but you are user {os.geteuid()}; "
                 f"in a container, run as that user (docker run --user {owner})"
             )
+        if found.st_mode & 0o077:
+            # As `ssh` does with keys: it has the participant's own one.
+            mend = shlex.join(["chmod", "600", str(path)])
+            raise WiringError(f"{path}: others may read it; run `{mend}`")
         try:
             return msgspec.json.decode(file.read(), type=JoinTicket)
         except UNDECODABLE as exc:
@@ -133,7 +139,8 @@ class Attached(Process):
 
     ticket: path of that it has been given. log: where a child's output would go. address: where we
     listen. children: our own processes. cut, is_silent: what cuts its links, and what `silence`
-    returns, where it is linked to us by a gateway.
+    returns, where it is linked to us by a gateway. line: the ticket, where the user gets it as one
+    line; empty: at its path.
     """
 
     def __init__(self, ticket: Path, log: Path, address: str, children: Collection[Child]) -> None:
@@ -143,7 +150,13 @@ class Attached(Process):
             address, self.pid, [child.pid for child in children]
         )
         self.is_silent: Callable[[], str] = str
+        self.line = ""
         self._has_left = False
+
+    @property
+    def command(self) -> str:
+        """Return the command that starts it; LINE stands for its ticket as a line."""
+        return shlex.join(["stepbus", "join", "LINE" if self.line else str(self.ticket)])
 
     def joined(self, pid: int) -> None:
         """Take the process id that it gives itself, if that is a process with our ticket."""

@@ -16,6 +16,7 @@ from stepbus_orchestrator.processes import reaper
 from stepbus_orchestrator.processes.attached import Attached, JoinTicket, publish
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import private_folder
+from stepbus_orchestrator.processes.ticket_line import line_of
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import Endpoint, Ticket
@@ -112,14 +113,15 @@ class Launcher:
         endpoint: Endpoint,
         scenario_folder: Path | None,
         *,
-        ticket: Path,
+        ticket: Path | None,
         files: Mapping[str, str] = MappingProxyType({}),
         **fields: Any,
     ) -> Attached:
         """Put the ticket of one participant where the user picks it up.
 
-        scenario_folder: None where it is on another host. ticket: the path. files: as of
-        `JoinTicket`. fields: further ones. Raises StartFailed when it cannot be written there.
+        scenario_folder: None where it is on another host. ticket: the path; None: the user gets it
+        as a line. files: as of `JoinTicket`. fields: further ones. Raises StartFailed when it
+        cannot be written there.
         """
         content = JoinTicket(
             files=dict(files),
@@ -129,13 +131,16 @@ class Launcher:
             bridge="" if spec.bridge is None else spec.bridge.format,
             describe={} if spec.bridge is None else spec.bridge.describe,
         )
-        path = ticket.absolute()
-        publish(content, path)
-        self.remove_too(path)
+        path = (ticket or self.folder / f"{spec.name}.ticket").absolute()
+        if ticket is not None:
+            publish(content, path)
+            self.remove_too(path)
         # The first that a participant connects to is the orchestrator.
-        return Attached(
+        attached = Attached(
             path, self._logs / f"{spec.name}.log", endpoint.connect[0], self.children.values()
         )
+        attached.line = "" if ticket else line_of(content)
+        return attached
 
     def remove_too(self, path: Path) -> None:
         """Have a file, or another folder, removed with the private one."""

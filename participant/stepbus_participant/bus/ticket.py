@@ -90,6 +90,13 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
         path.write_bytes(msgspec.json.encode(self))
 
 
+def unreachable(address: str, why: str) -> str:
+    """Return that a run on another host cannot be reached, and what to check."""
+    return (
+        f"{address} cannot be reached: {why}; is the run over, or is the port closed by a firewall?"
+    )
+
+
 def private_folder(endpoint: Endpoint) -> Path | None:
     """Return the private folder of a run, which is removed with it; None where that is unknown."""
     certificate = endpoint.settings.get("transport/link/tls/root_ca_certificate")

@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from . import BusError, Clock, Queue, Request, Sample, every_on_a_thread
-from .ticket import Endpoint, private_folder
+from .ticket import Endpoint, private_folder, unreachable
 
 ONE_THREAD = {
     "ZENOH_RUNTIME": "(rx: (handover: app), acc: (handover: app), tx: (handover: app), "
@@ -91,10 +91,11 @@ def _cause(endpoint: Endpoint, otherwise: str) -> str:
     )
 
 
-def _opened(zenoh: Any, config: Any) -> Any:
+def _opened(zenoh: Any, config: Any, endpoint: Endpoint) -> Any:
     """Open a session; raises BusError where it does not open, ZError where it may not.
 
-    Zenoh waits for ever for a thread of its own that could not start (`ulimit -u`), or panics.
+    Zenoh waits for ever for a thread of its own that could not start (`ulimit -u`), or panics; a
+    client waits for its link.
     """
     opened: list[Any] = []
 
@@ -110,6 +111,9 @@ def _opened(zenoh: Any, config: Any) -> Any:
     except RuntimeError as exc:
         raise BusError(f"cannot open a Zenoh session: {exc}; {_LIMITS}") from exc
     thread.join(_OPEN_S)
+    if not opened and endpoint.settings.get("mode") == "client":
+        address = ", ".join(one.partition("/")[2] for one in endpoint.connect)
+        raise BusError(unreachable(address, f"no link within {_OPEN_S:g} s"))
     if not opened:
         raise BusError(f"no Zenoh session opened within {_OPEN_S} s; {_LIMITS}")
     (session,) = opened
@@ -145,7 +149,7 @@ class ZenohBus:
             config = zenoh.Config()
             for path, value in zenoh_settings(endpoint, users_file).items():
                 config.insert_json5(path, json.dumps(value))
-            self.session: Any = _opened(zenoh, config)
+            self.session: Any = _opened(zenoh, config, endpoint)
         except zenoh.ZError as exc:
             where = ", ".join(endpoint.listen)
             why = _SOURCE.sub("", str(exc)).strip()

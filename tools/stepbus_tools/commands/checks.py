@@ -7,11 +7,12 @@ from stepbus_orchestrator.cli.interrupts import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, say, table
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.plugins import CHECKS, named_points
 from stepbus_orchestrator.scenario.load import load
-from stepbus_schemas import PROTOCOL_VERSION
+from stepbus_schemas import PROTOCOL_VERSION, WiringError
 from stepbus_tools.commands.declared import Conformance, Doctor, Selftest
 from stepbus_tools.conformance import CheckResult, Report, conformance, select, write_junit
-from stepbus_tools.doctor import examine
+from stepbus_tools.doctor import Finding, examine
 from stepbus_tools.selftest import SelfTest, Verdict, selftest
 
 
@@ -57,13 +58,22 @@ def _verdict(report: Report) -> str:
     )
 
 
-def doctor_command(_given: Doctor) -> Answer:
-    """Examine this machine; return the findings, with exit code 1 if one is a failure."""
-    findings = examine()
+def doctor_command(given: Doctor) -> Answer:
+    """Examine this machine, or others; return the findings, with exit code 1 for a failure."""
+    if given.listen and given.hosts is None:
+        raise WiringError("--listen is for --hosts: which hosts are to reach this one?")
+    if given.hosts is None:
+        findings = examine()
+    else:
+        check = named_points(CHECKS)["ssh"].load()
+        findings = [Finding(*row) for row in check(given.hosts, given.listen)]
     is_broken = any(finding.verdict == "fail" for finding in findings)
+    width = max([18, *(len(finding.what) for finding in findings)])
     return Answer(
         value=findings,
-        lines=[f"{finding.verdict:4}  {finding.what:18} {finding.text}" for finding in findings],
+        lines=[
+            f"{finding.verdict:4}  {finding.what:{width}} {finding.text}" for finding in findings
+        ],
         code=ExitCode.INTERNAL if is_broken else ExitCode.FINISHED,
     )
 

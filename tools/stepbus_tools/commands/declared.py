@@ -166,15 +166,23 @@ class Conformance(Command, work="checks", group="test", is_run=True):
 
 
 class Doctor(Command, work="checks", group="test"):
-    """Check this machine: versions, bus, extras.
+    """Check this machine: versions, bus, extras; or other hosts.
 
     Checks versions, native libraries, the bus (with a message) and missing extras. Exit code 1:
     something is broken.
 
+    With --hosts, checks other hosts instead, before a run needs them: whether SSH reaches each,
+    whether it has the same stepbus, and whether it reaches this host.
+
     $ stepbus doctor
+    $ stepbus doctor --hosts hosts.yaml --listen 192.0.2.7:7447
     """
 
     _: KW_ONLY
+    hosts: File = None
+    """the hosts, as for `stepbus run` (docs/guide/running/hosts.md)"""
+    listen: Annotated[str, Parameter(metavar="ADDRESS[:PORT]")] = ""
+    """where the run is to listen (default: as the first host was reached, any free port)"""
     json: Json = False
 
 

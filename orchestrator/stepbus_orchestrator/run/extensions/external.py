@@ -14,6 +14,7 @@ from stepbus_schemas import WiringError
 
 from .debug import check_names
 
+_TOLD = Path("-")
 _REMIND_S = 5.0
 _NO_END_S = 1e5
 """Deadlines that are longer are none."""
@@ -25,7 +26,7 @@ class External(RunExtension):
     Of all participants, it tells which have not ended.
 
     tickets: where the tickets of some are put, which are external from then on; default:
-    `<name>.ticket` in the run's folder.
+    `<name>.ticket` in the run's folder; `-`: it tells them as a line.
     """
 
     def __init__(self, tickets: Mapping[str, Path] = MappingProxyType({})) -> None:
@@ -61,22 +62,27 @@ class External(RunExtension):
         """Return where the ticket of a participant is put."""
         if not spec.is_external:
             return {}
-        return {"ticket": self._tickets.get(spec.name, self.run.out / f"{spec.name}.ticket")}
+        path = self._tickets.get(spec.name, self.run.out / f"{spec.name}.ticket")
+        return {"ticket": None if path == _TOLD else path}
 
     def started(self, participant: ParticipantState) -> None:
         """Tell the command that starts a participant."""
-        if participant.external is None:
+        external = participant.external
+        if external is None:
             return
-        ticket = participant.external.ticket
-        command = shlex.join(["stepbus", "join", str(ticket)])
-        how = f"start it with `{command}`"
+        how = f"start it with `{external.command}`"
         if participant.spec.folder:
+            ticket = external.ticket
+            copied, word = ("", "LINE") if external.line else (f"{ticket} and ", ticket.name)
             how = (
-                f"copy {ticket} and the scenario's folder to its host, and start it there, in that "
+                f"copy {copied}the scenario's folder to its host, and start it there, in that "
+                f"folder, with `stepbus join {word}`"
             )
-            how += f"folder, with `stepbus join {ticket.name}`"
         own = shlex.join(participant.spec.program)
         text = f"{how}, which runs `{own}`; append `-- PROGRAM` to run another program"
+        if external.line:
+            # A line of its own: it is selected by one click.
+            text += f"; LINE is for this run only, and a secret:\nstepbus join {external.line}"
         self._tell(participant, text)
 
     def awaiting(self, participants: Iterable[ParticipantState]) -> None:
@@ -94,8 +100,8 @@ class External(RunExtension):
             elif participant.phase is Phase.SPAWNED:
                 left_s = participant.limit_s("spawn") - participant.in_phase_s
                 wait = f"{left_s:.0f} s left" if left_s < _NO_END_S else "no deadline"
-                path = participant.external.ticket
-                self._tell(participant, f"has not joined yet ({wait}): stepbus join {path}")
+                command = participant.external.command
+                self._tell(participant, f"has not joined yet ({wait}): {command}")
 
     def stopping(self) -> None:
         """Give all some time to end before it tells that one has not."""

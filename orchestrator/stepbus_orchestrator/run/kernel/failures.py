@@ -33,8 +33,7 @@ def _start(participant: ParticipantState, phase: str) -> tuple[str, str]:
         reached("a participant that is ready does not answer its peers")
         return "is ready, but does not answer its peers", "is it stuck?"
     if phase == "spawn" and participant.external is not None:
-        ticket = participant.external.ticket
-        return "has not joined", f"did you start it with `stepbus join {ticket}`?"
+        return "has not joined", f"did you start it with `{participant.external.command}`?"
     if phase == "spawn":
         reached("a program has not reached the bus")
         return "has not reached the bus", "does its program take part with stepbus?"
