@@ -10,7 +10,7 @@ GLOBS = ("*.md", "benchmarks/*.md", *(f"{folder}/**/*.md" for folder in FOLDERS)
 PAGES = sorted(p for glob in GLOBS for p in CHECKOUT.glob(glob) if "target" not in p.parts)
 ROOTS = (
     "api", "benchmarks", "clients", "docs", "examples", "orchestrator", "participant", "scenarios",
-    "schemas", "scripts", "services", "simulation", "tests", "tools", ".ci",
+    "schemas", "scripts", "services", "simulation", "tests", "tools", ".ci", "hosts",
     *(f"store/{name}" for name in ("docs", "schemas", "scripts", "stepbus_store", "tests")),
 )  # fmt: skip
 NAMED = re.compile(rf"`((?:{'|'.join(map(re.escape, ROOTS))})/[\w./*-]*)`")
