@@ -29,6 +29,7 @@ _LOG = "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor=trace"
 _ACCEPT_MS = 10_000
 """How long a link may take to open: several round trips, of a second each on a bad link."""
 _UNOWNED = re.compile(r"CertCommonName\(([^)]*)\).* is unauthorized to Put \(ingress\) on (\S+)")
+_SHOWN = 400
 _TLS = "transport/link/tls/"
 
 
@@ -62,6 +63,8 @@ class Gateway:
         self._authority = trustme.CA()
         self._passwords = {name: secrets.token_hex(16) for name in names}
         self._is_up, self._failed = threading.Event(), ""
+        # Zenoh lets no second session in under the number of one that is there.
+        self._sessions = {name: f"{1 << 127 | secrets.randbits(127):x}" for name in names}
         self._seen = dict[str, int]()
         lease_ms = round(1000 * lease_s)
         endpoint = msgspec.structs.replace(
@@ -137,6 +140,7 @@ class Gateway:
             password=self._passwords[name],
             settings={
                 "mode": "client",
+                "id": self._sessions[name],
                 "transport/link/tx/lease": round(1000 * self._lease_s),
                 **self._certificate(name),
                 # Another participant's certificate does not make it the gateway.
@@ -191,7 +195,7 @@ class Gateway:
 
     def _read(self) -> None:
         """Take what the process tells, and Zenoh in it, until it ends."""
-        unowned = ""
+        unowned = line = ""
         for raw in self._process.stdout or ():
             line = raw.decode(errors="replace").strip()
             if line.startswith("{"):
@@ -205,7 +209,8 @@ class Gateway:
             elif line.endswith("Msg intercepted!"):
                 self._refuse(f"a message of {unowned or 'a participant'}, not its own key")
                 unowned = ""
-        self._failed = self._failed or "the gateway has ended"
+        said = "" if line.startswith("{") else line[:_SHOWN]
+        self._failed = self._failed or f"the gateway has ended{said and f': {said}'}"
         self._is_up.set()
 
     def _take(self, row: dict[str, Any]) -> None:
