@@ -102,7 +102,8 @@ def test_a_host_that_dies_is_named_and_all_hosts_end(tmp_path, wan, who):
 def test_a_host_that_dies_is_named_after_the_lease_where_a_step_may_take_longer(tmp_path, wan):
     distant = Distant(tmp_path, wan(4), *ENDLESS, *PATIENT)
     host = distant.hosts["controller"]
-    assert_ends(distant, lambda: distant.wan.cut(host), ExitCode.DIED, "controller")
+    _, result = assert_ends(distant, lambda: distant.wan.cut(host), ExitCode.DIED, "controller")
+    assert f"{distant.wan.addresses[host]} does not answer, and its link is" in result["reason"]
 
 
 @pytest.mark.slow

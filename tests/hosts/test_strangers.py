@@ -85,6 +85,8 @@ def test_a_ticket_is_of_use_once(tmp_path, wan, expected):
     second = distant.start(STRANGER, *words, text=distant.joined["second"], cwd=home)
     assert second.wait(100) == 1, distant.said()
     assert_unchanged(distant, expected)
+    assert "it is for one process of one run" in distant.joined["second"].read_text()
+    assert f"refused {distant.wan.addresses[STRANGER]}: its ticket is in use" in distant.said()
 
 
 def test_a_ticket_of_a_run_that_is_over_is_of_no_use(tmp_path, wan, expected):

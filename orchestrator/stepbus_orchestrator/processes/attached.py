@@ -161,6 +161,8 @@ class Attached(Process):
 
     def how_it_ended(self) -> str:
         """Return its end in words."""
+        if silence := self.silence():
+            return f"{silence}, and its link is lost"
         return "has left the bus: it has ended or was killed; stepbus cannot see its exit code"
 
     def last_output(self) -> str:

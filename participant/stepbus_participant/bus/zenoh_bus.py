@@ -15,6 +15,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from . import BusError, Clock, Queue, Request, Sample, every_on_a_thread
+from .links import tcp_links, tune
 from .ticket import Endpoint, private_folder
 
 ONE_THREAD = {
@@ -28,6 +29,7 @@ Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU
 """
 
 _OPEN_S = 10.0
+_CLOSE_S = 0.5
 _LIMITS = "check the limits on threads (ulimit -u) and open files (ulimit -n)"
 _LEASE_MS = 3_600_000
 _SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")
@@ -91,7 +93,17 @@ def _cause(endpoint: Endpoint, otherwise: str) -> str:
     )
 
 
-def _opened(zenoh: Any, config: Any) -> Any:
+def _unreached(endpoint: Endpoint) -> str:
+    """Return what may keep a session from opening."""
+    if endpoint.listen:
+        return _LIMITS
+    return (
+        f"{', '.join(endpoint.connect)} cannot be reached, or lets nobody in with this ticket: it "
+        "is for one process of one run"
+    )
+
+
+def _opened(zenoh: Any, config: Any, hint: str) -> Any:
     """Open a session; raises BusError where it does not open, ZError where it may not.
 
     Zenoh waits for ever for a thread of its own that could not start (`ulimit -u`), or panics.
@@ -111,7 +123,7 @@ def _opened(zenoh: Any, config: Any) -> Any:
         raise BusError(f"cannot open a Zenoh session: {exc}; {_LIMITS}") from exc
     thread.join(_OPEN_S)
     if not opened:
-        raise BusError(f"no Zenoh session opened within {_OPEN_S} s; {_LIMITS}")
+        raise BusError(f"no Zenoh session opened within {_OPEN_S} s; {hint}")
     (session,) = opened
     if isinstance(session, zenoh.ZError):
         raise session
@@ -145,7 +157,7 @@ class ZenohBus:
             config = zenoh.Config()
             for path, value in zenoh_settings(endpoint, users_file).items():
                 config.insert_json5(path, json.dumps(value))
-            self.session: Any = _opened(zenoh, config)
+            self.session: Any = _opened(zenoh, config, _unreached(endpoint))
         except zenoh.ZError as exc:
             where = ", ".join(endpoint.listen)
             why = _SOURCE.sub("", str(exc)).strip()
@@ -155,6 +167,11 @@ class ZenohBus:
             if users_file is not None:
                 with contextlib.suppress(OSError):
                     Path(users_file).unlink()
+        self._is_client = not endpoint.listen
+        if self._is_client:
+            for address, link in tcp_links():
+                if f"tls/{address}" in endpoint.connect:
+                    tune(link)
 
     @staticmethod
     def _write_users(endpoint: Endpoint) -> str:
@@ -267,8 +284,17 @@ class ZenohBus:
 
     def close(self) -> None:
         """Close the session; a process with an open one and a callback hangs at its exit."""
+        if self._is_client:
+            # Zenoh connects again to a host that is lost, and waits 10 s for that to be over.
+            thread = threading.Thread(target=self._close, name="zenoh close", daemon=True)
+            thread.start()
+            thread.join(_CLOSE_S)
+        else:
+            self._close()
+        self._held.clear()
+
+    def _close(self) -> None:
         if not self.session.is_closed():
             # Zenoh gives up after 10 s, where a put to a process that reads nothing is not over.
             with contextlib.suppress(self._zenoh.ZError):
                 self.session.close()
-        self._held.clear()

@@ -15,7 +15,12 @@ import trustme
 from stepbus_participant import BusError, ZenohBus, load_ticket
 from stepbus_schemas import encoding_of
 
-_WORDS = (b"", b"GET / HTTP/1.1\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", bytes(70_000))
+_WORDS = (
+    b"",
+    b"GET / HTTP/1.1\r\n\r\n",
+    b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
+    bytes(70_000),
+)
 _SILENT_S = 2.0
 
 

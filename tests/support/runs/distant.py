@@ -1,7 +1,7 @@
 """Runs whose participants are on other hosts, each joined there by its ticket."""
 
+import contextlib
 import json
-import os
 import shutil
 import signal
 import sys
@@ -34,10 +34,22 @@ class Distant:
     """
 
     def __init__(self, folder, wan, *settings, hosts=NAMES, more=()):
-        self.folder, self.wan, self.hosts = folder, wan, dict(zip(hosts, range(1, 10), strict=False))
+        self.folder, self.wan, self.hosts = (
+            folder,
+            wan,
+            dict(zip(hosts, range(1, 10), strict=False)),
+        )
         self.out, self.processes, self.joined = folder / "out", {}, {}
         outside = [w for name in hosts for w in ("--external", f"{name}={self.ticket(name)}")]
-        words = ("run", "two_link", *outside, "--listen", f"{wan.addresses[0]}:{PORT}", "--out", self.out)
+        words = (
+            "run",
+            "two_link",
+            *outside,
+            "--listen",
+            f"{wan.addresses[0]}:{PORT}",
+            "--out",
+            self.out,
+        )
         words = (*words, "--no-report", *words_of(settings), *more)
         self.terminal = folder / "terminal.txt"
         self.orchestrator = self.start(0, *words, text=self.terminal)
@@ -67,12 +79,12 @@ class Distant:
     def has_ended(self):
         return self.orchestrator.poll() is not None
 
-    def under_way(self, size=_ENOUGH_BYTES):
-        """Wait until the run has done many steps."""
+    def under_way(self, size=_ENOUGH_BYTES, *, may_end=False):
+        """Wait until the run has done many steps, and has not ended."""
         recording = self.out / "run.mcap"
         there = lambda: recording.exists() and recording.stat().st_size > size  # noqa: E731
         assert comes_true(lambda: there() or self.has_ended()), self.said()
-        assert not self.has_ended(), self.said()
+        assert may_end or not self.has_ended(), self.said()
 
     def said(self):
         """Return what stands in the terminals of all hosts."""
@@ -96,7 +108,8 @@ class Distant:
             return {host: pids for host in hosts if (pids := self._alive(host))}
 
         assert comes_true(lambda: not left(), max(give_up - time.monotonic(), 0)), (
-            left(), self.said()
+            left(),
+            self.said(),
         )
         return time.monotonic() - since
 
@@ -112,5 +125,6 @@ class Distant:
         return found
 
     def kill(self, name, number=signal.SIGKILL):
-        """Send a signal to a participant."""
-        os.kill(self.processes[name].pid, number)
+        """Send a signal to a participant, where it has not ended."""
+        with contextlib.suppress(psutil.NoSuchProcess):
+            self.processes[name].send_signal(number)
