@@ -73,7 +73,7 @@ def test_a_link_that_is_down_for_5_s_changes_no_byte(tmp_path, wan, local, hosts
     network = wan(4)
     network.shape(delay_s=0.010)
     distant = Distant(tmp_path, network, "duration=2s", *PATIENT).join()
-    distant.under_way(2_000)
+    distant.under_way(8_000)
     network.cut(*hosts)
     time.sleep(5)
     assert not distant.has_ended(), distant.said()

@@ -38,9 +38,13 @@ def test_all_participants_on_another_host_give_the_same_bytes(tmp_path, robot):
 
 @pytest.mark.slow
 def test_what_it_prints_comes_back(tmp_path, robot):
-    robot.start("duration=1s", "controller.params.law=nonsense")
+    program = "echo printed there, in $PWD >&2; exit 7"
+    robot.start(*SHORT, "controller.participant=", f"controller.exec=[sh, -c, '{program}']")
     result = robot.result()
     assert (result["exit_code"], result["participant"]) == (ExitCode.START, "controller")
+    assert f"on {USER}) exited with code 7" in result["reason"]
+    log = (robot.out / "logs/controller.log").read_text()
+    assert log.startswith(f"printed there, in {robot.tmp}/stepbus-")
     assert robot.is_empty(LEASE_S), robot.processes()
 
 

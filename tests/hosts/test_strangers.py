@@ -44,7 +44,7 @@ def visited(tmp_path, wan, what, *words):
     assert comes_true(distant.ticket("mission").exists), distant.said()
     shutil.copy(distant.ticket("mission"), tmp_path / "copy.ticket")
     stranger = outsider(network, what, *words)
-    distant.join().under_way(2_000)
+    distant.join().under_way(8_000)
     said = said_by(stranger)
     assert not distant.has_ended(), "the stranger was late"
     return distant, said
@@ -74,9 +74,9 @@ def test_a_participant_cannot_publish_as_another(tmp_path, wan, expected):
 
 def test_a_ticket_is_of_use_once(tmp_path, wan, expected):
     network = wan(5)
-    network.shape(delay_s=0.010)
+    network.shape(delay_s=0.020)
     distant = Distant(tmp_path, network, *SHORT, *PATIENT)
-    distant.join().under_way(2_000)
+    distant.join().under_way(8_000)
     home = tmp_path / "second"
     shutil.copytree(tmp_path / "mission", home)
     shutil.copy(distant.ticket("mission"), home)

@@ -61,8 +61,10 @@ def _handshake(address, port, prepare):
         return f"refused: {exc}"
 
 
-def _bus(path):
+def _bus(path, *, as_another_session=False):
     ticket = load_ticket({"STEPBUS_TICKET": path})
+    if as_another_session:
+        del ticket.endpoint.settings["id"]
     try:
         return ticket, ZenohBus(ticket.endpoint, ticket.run)
     except BusError as exc:
@@ -76,10 +78,10 @@ def old_ticket(_address, _port, path):
 
 def other_key(_address, _port, path):
     """Publish as another participant, over and over, with the token of the run."""
-    ticket, bus = _bus(path)
+    ticket, bus = _bus(path, as_another_session=True)
     put = bus.publisher("out/plant", encoding_of("Outputs/1"))
     for _ in range(50):
-        put(b"\x00" * 40, attachment=ticket.token.encode())
+        put(b"\x00" * 40, attachment=bytes(8) + ticket.token.encode())
         time.sleep(0.02)
     bus.close()
     return "has published"
