@@ -13,7 +13,9 @@ from hypothesis import settings
 from support.browser import page  # noqa: F401  a fixture
 from support.disks import small_disk  # noqa: F401  a fixture
 from support.properties import DEFAULT
+from support.runs.sshd import robot  # noqa: F401  a fixture
 from support.surroundings import left_as_found, no_thread_is_left, nothing_is_left  # noqa: F401
+from support.wan import wan  # noqa: F401  a fixture
 
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load

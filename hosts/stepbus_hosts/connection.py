@@ -240,7 +240,7 @@ class RemoteProcess(Process):
         """Return a phrase for its end."""
         if self.code is None and (why := self._host.lost()):
             return f"is lost with its host {self._host.name}: {why}"
-        return f"on {self._host.name} {super().how_it_ended()}"
+        return super().how_it_ended()
 
     def silence(self) -> str:
         """Return that nothing comes from its host, and since when; empty: its host answers."""

@@ -9,6 +9,7 @@ import secrets
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Collection
 from typing import Any
 
@@ -25,10 +26,16 @@ GATEWAY = ".gateway"
 
 _START_S = 20.0
 _END_S = 5.0
-_LOG = "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor=trace"
+_LOG = (
+    "error,zenoh_link_tls=warn,zenoh_transport::unicast::link=debug,"
+    "zenoh::net::routing::interceptor=trace"
+)
 _ACCEPT_MS = 10_000
 """How long a link may take to open: several round trips, of a second each on a bad link."""
 _UNOWNED = re.compile(r"CertCommonName\(([^)]*)\).* is unauthorized to Put \(ingress\) on (\S+)")
+_NEW_LINK = re.compile(r"unicast::link: Link .* dst: tls/([^,]+),")
+_LINK_S = 3.0
+_SHOWN = 400
 _TLS = "transport/link/tls/"
 _COMPRESSION = "transport/unicast/compression/enabled"
 """A link is compressed where both ends have it on."""
@@ -64,7 +71,11 @@ class Gateway:
         self._authority = trustme.CA()
         self._passwords = {name: secrets.token_hex(16) for name in names}
         self._is_up, self._failed = threading.Event(), ""
+        # Zenoh lets no second session in under the number of one that is there.
+        self._sessions = {name: f"{1 << 127 | secrets.randbits(127):x}" for name in names}
         self._seen = dict[str, int]()
+        self._linking = dict[str, float]()
+        """Address of a link that is open, but of no session yet → since when."""
         lease_ms = round(1000 * lease_s)
         endpoint = msgspec.structs.replace(
             endpoint,
@@ -142,6 +153,7 @@ class Gateway:
             settings={
                 "mode": "client",
                 _COMPRESSION: compress,
+                "id": self._sessions[name],
                 "transport/link/tx/lease": round(1000 * self._lease_s),
                 **self._certificate(name),
                 # Another participant's certificate does not make it the gateway.
@@ -198,7 +210,7 @@ class Gateway:
 
     def _read(self) -> None:
         """Take what the process tells, and Zenoh in it, until it ends."""
-        unowned = ""
+        unowned = line = ""
         for raw in self._process.stdout or ():
             line = raw.decode(errors="replace").strip()
             if line.startswith("{"):
@@ -209,19 +221,30 @@ class Gateway:
                 self._refuse(f"a connection ({why})")
             elif found := _UNOWNED.search(line):
                 unowned = f"{found[1]}, which published on {found[2]}"
+            elif found := _NEW_LINK.search(line):
+                self._linking[found[1]] = time.monotonic()
             elif line.endswith("Msg intercepted!"):
                 self._refuse(f"a message of {unowned or 'a participant'}, not its own key")
                 unowned = ""
-        self._failed = self._failed or f"the gateway (pid {self.pid}) has ended"
+            for address, since in list(self._linking.items()):
+                if time.monotonic() - since > _LINK_S:
+                    del self._linking[address]
+                    self._refuse(f"{address.rpartition(':')[0]}: its ticket is in use")
+        said = "" if line.startswith("{") else line[:_SHOWN]
+        self._failed = (
+            self._failed or f"the gateway (pid {self.pid}) has ended{said and f': {said}'}"
+        )
         self._is_up.set()
 
     def _take(self, row: dict[str, Any]) -> None:
         if "linked" in row:
+            self._linking.pop(row["address"], None)
             self.links[row["linked"]] = row["address"].rpartition(":")[0]
             self._tell(f"{row['linked']} has linked from {row['address']}")
         self._failed = row.get("failed", self._failed)
         self.port = row.get("port", self.port)
-        self.silent_s = {k: v / 1000 for k, v in row.get("silent_ms", self.silent_s).items()}
+        # What was told last of a link that is closed by now stays.
+        self.silent_s |= {k: v / 1000 for k, v in row.get("silent_ms", {}).items()}
         if "port" in row or "failed" in row:
             self._is_up.set()
 

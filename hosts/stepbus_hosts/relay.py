@@ -21,6 +21,7 @@ from typing import Any
 import msgspec
 
 from stepbus_participant import BusError, Endpoint, ZenohBus
+from stepbus_participant.bus.links import tcp_links, tune
 
 _LOOK_S = 0.5
 _TCP_INFO_BYTES = 104
@@ -42,19 +43,15 @@ def _tell(**row: Any) -> None:
         os.write(2, f"{json.dumps(row)}\n".encode())
 
 
-def _sockets() -> Iterator[socket.socket]:
-    """Yield the TCP sockets of this process."""
+def _port() -> int:
+    """Return the port on which Zenoh listens."""
     for path in filter(Path.is_socket, list(Path("/proc/self/fd").iterdir())):
         # It may have been closed meanwhile.
         with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(path.name))) as found:
-            if found.family in (socket.AF_INET, socket.AF_INET6):
-                yield found
-
-
-def _port() -> int:
-    """Return the port on which Zenoh listens."""
-    option = socket.SOL_SOCKET, socket.SO_ACCEPTCONN
-    return next(int(s.getsockname()[1]) for s in _sockets() if s.getsockopt(*option))
+            is_tcp = found.family in (socket.AF_INET, socket.AF_INET6)
+            if is_tcp and found.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
+                return int(found.getsockname()[1])
+    raise BusError("nothing listens")
 
 
 class _Links:
@@ -77,12 +74,9 @@ class _Links:
         _tell(**{"linked" if is_open else "closed": name, "address": address})
 
     def _open(self) -> Iterator[tuple[str, socket.socket]]:
-        for link in _sockets():
-            with contextlib.suppress(OSError):
-                host, port = link.getpeername()[:2]
-                address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
-                if address in self.names:
-                    yield self.names[address], link
+        for address, link in tcp_links():
+            if address in self.names:
+                yield self.names[address], link
 
     def cut(self, name: str) -> None:
         """End the links of a participant, under Zenoh."""
@@ -100,6 +94,7 @@ class _Links:
             silent[name] = acked_ms if info[_RETRANSMITS] else 0
             if name not in self._told:
                 self._told[name] = 0
+                tune(link)
                 _tell(rtt_us={name: int.from_bytes(info[_RTT : _RTT + 4], sys.byteorder)})
         if any(silent.values()) or any(self._told.values()):
             _tell(silent_ms=silent)

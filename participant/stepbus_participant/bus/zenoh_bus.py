@@ -15,6 +15,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from . import BusError, Clock, Queue, Request, Sample, every_on_a_thread
+from .links import tcp_links, tune
 from .ticket import Endpoint, private_folder, unreachable
 
 ONE_THREAD = {
@@ -28,6 +29,7 @@ Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU
 """
 
 _OPEN_S = 10.0
+_CLOSE_S, _LOST_S = 12.0, 0.5
 _LIMITS = "check the limits on threads (ulimit -u) and open files (ulimit -n)"
 _LEASE_MS = 3_600_000
 _SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")
@@ -159,6 +161,11 @@ class ZenohBus:
             if users_file is not None:
                 with contextlib.suppress(OSError):
                     Path(users_file).unlink()
+        self._is_client = not endpoint.listen
+        if self._is_client:
+            for address, link in tcp_links():
+                if f"tls/{address}" in endpoint.connect:
+                    tune(link)
 
     @staticmethod
     def _write_users(endpoint: Endpoint) -> str:
@@ -271,8 +278,18 @@ class ZenohBus:
 
     def close(self) -> None:
         """Close the session; a process with an open one and a callback hangs at its exit."""
+        if self._is_client:
+            # To a host that is lost, Zenoh connects again, and waits 10 s for that to be over.
+            is_lost = not self.session.info.routers_zid()
+            thread = threading.Thread(target=self._close, name="zenoh close", daemon=True)
+            thread.start()
+            thread.join(_LOST_S if is_lost else _CLOSE_S)
+        else:
+            self._close()
+        self._held.clear()
+
+    def _close(self) -> None:
         if not self.session.is_closed():
             # Zenoh gives up after 10 s, where a put to a process that reads nothing is not over.
             with contextlib.suppress(self._zenoh.ZError):
                 self.session.close()
-        self._held.clear()
