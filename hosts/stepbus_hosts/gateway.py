@@ -24,7 +24,7 @@ from .addresses import bracketed, parse_address
 GATEWAY = ".gateway"
 """Its name on the bus; no participant's name has a leading dot."""
 
-_START_S = 20.0
+_START_S = 60.0
 _END_S = 5.0
 _LOG = (
     "error,zenoh_link_tls=warn,zenoh_transport::unicast::link=debug,"
@@ -109,8 +109,9 @@ class Gateway:
         self._reader.start()
         self._is_up.wait(_START_S)
         if self._failed or not self.port:
+            why = self._failed or f"the gateway was not up within {_START_S:g} s"
             self.close()
-            raise BusFailed(self._failed or f"the gateway was not up within {_START_S:g} s")
+            raise BusFailed(why)
 
     def _certificate(self, name: str) -> dict[str, Any]:
         """Return the settings of a new certificate; there is no file of it."""
