@@ -21,7 +21,7 @@ from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_schemas import WiringError, suggest
 
 from . import wire
-from .addresses import bracketed, parse_address
+from .addresses import parse_address
 from .agent import SCENARIO
 from .connection import Connection
 from .gateway import GATEWAY, Gateway
@@ -104,7 +104,7 @@ class Across(Elsewhere):
             )
             stack.enter_context(launcher.guarded(self._gateway.pid))
             stack.callback(self._gateway.close)
-            shown = f"{bracketed(self._gateway.address)}:{self._gateway.port}"
+            shown = f"{self._gateway.address}:{self._gateway.port}"
             run.observer.event("listening", shown, -1, f"for {', '.join(self.names)} (mutual TLS)")
             yield
 
@@ -128,6 +128,8 @@ class Across(Elsewhere):
             origin = origin or greeting.origin
         if not self._listen[0] and not origin:
             raise StartFailed("no host says by which address it was reached; give --listen ADDRESS")
+        if not self._listen[0]:
+            parse_address(origin)
         differing = {name: words for name, is_same, words in compared(table) if not is_same}
         if differing:
             lines = map(": ".join, differing.items())

@@ -16,7 +16,7 @@ from typing import Literal
 from stepbus_orchestrator.errors import Interrupted, StartFailed
 
 from . import wire
-from .addresses import bracketed, own_addresses, parse_address
+from .addresses import own_addresses, parse_address
 from .connection import Connection, ssh_command
 from .hosts_file import HostSpec, read_hosts
 from .versions import MUST_AGREE, compared, host_versions
@@ -125,14 +125,13 @@ def _back(hosts: list[Host], address: str, port: int) -> Iterator[Row]:
     if not address:
         yield "listen", "fail", "no host says how it was reached; give --listen ADDRESS"
         return
-    family = socket.AF_INET6 if ":" in address else socket.AF_INET
     try:
-        listener = socket.create_server((address, port), family=family)
+        listener = socket.create_server((address, port))
     except OSError as exc:
         why = os.strerror(exc.errno or 0)
         own = ", ".join(own_addresses()) or "none that its name tells"
         text = (
-            f"{bracketed(address)}:{port} cannot be opened here: {why}; addresses of this "
+            f"{address}:{port} cannot be opened here: {why}; addresses of this "
             f"host: {own}; behind a router, --listen one of them, and say `reaches` in the file"
         )
         yield "listen", "fail", text
@@ -150,11 +149,11 @@ def _reached(host: Host, listener: socket.socket, address: str, port: int) -> Ro
     """Have a host connect to us. port: that the user has chosen; 0: none."""
     seen, forwarded = parse_address(host.spec.reaches) if host.spec.reaches else (address, 0)
     number = forwarded or listener.getsockname()[1]
-    what, where = f"{host.name} → here", f"{bracketed(seen)}:{number}"
+    what, where = f"{host.name} → here", f"{seen}:{number}"
     proof = secrets.token_bytes(16)
     probed = host.probe(wire.Probe(seen, number, proof))
     if probed.problem:
-        mend = advice(host, bracketed(address), port)
+        mend = advice(host, address, port)
         return what, "fail", f"it does not reach {where}: {probed.problem}; {mend}"
     if not _comes(listener, proof):
         mend = "--listen the address by which it reaches this host, or say `reaches` in the file"
@@ -166,7 +165,7 @@ def advice(host: Host, address: str, port: int) -> str:
     """Return what to do where a host does not reach us. address, port: of ours; 0: any."""
     if host.spec.reaches:
         return f"is `reaches` right, and does that forward connections to {address} here?"
-    origin = bracketed(host.origin) if host.origin else address
+    origin = host.origin or address
     other = f", or --listen {origin}, from where SSH comes to it" * (origin != address)
     if port:
         return f"open TCP port {port} inbound on this host{other}"

@@ -19,7 +19,7 @@ import trustme
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_participant import Endpoint
 
-from .addresses import bracketed, parse_address
+from .addresses import parse_address
 
 GATEWAY = ".gateway"
 """Its name on the bus; no participant's name has a leading dot."""
@@ -79,7 +79,7 @@ class Gateway:
         lease_ms = round(1000 * lease_s)
         endpoint = msgspec.structs.replace(
             endpoint,
-            listen=[f"tls/{bracketed(address)}:{port}"],
+            listen=[f"tls/{address}:{port}"],
             users={**endpoint.users, **self._passwords},
             settings={
                 **endpoint.settings,
@@ -147,7 +147,7 @@ class Gateway:
         rule = {"messages": every, "permission": "allow"}
         return Endpoint(
             listen=[],
-            connect=[f"tls/{bracketed(host)}:{port or self.port}"],
+            connect=[f"tls/{host}:{port or self.port}"],
             low_latency=False,
             user=name,
             password=self._passwords[name],

@@ -48,7 +48,7 @@ def _port() -> int:
     for path in filter(Path.is_socket, list(Path("/proc/self/fd").iterdir())):
         # It may have been closed meanwhile.
         with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(path.name))) as found:
-            is_tcp = found.family in (socket.AF_INET, socket.AF_INET6)
+            is_tcp = found.family == socket.AF_INET
             if is_tcp and found.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
                 return int(found.getsockname()[1])
     raise BusError("nothing listens")

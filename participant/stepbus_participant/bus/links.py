@@ -19,9 +19,9 @@ def tcp_links() -> Iterator[tuple[str, socket.socket]]:
     for path in filter(Path.is_socket, list(Path("/proc/self/fd").iterdir())):
         # It may have been closed meanwhile, or not be connected.
         with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(path.name))) as found:
-            if found.family in (socket.AF_INET, socket.AF_INET6):
-                host, port = found.getpeername()[:2]
-                yield (f"[{host}]:{port}" if ":" in host else f"{host}:{port}"), found
+            if found.family == socket.AF_INET:
+                host, port = found.getpeername()
+                yield f"{host}:{port}", found
 
 
 def tune(link: socket.socket) -> None:
