@@ -193,6 +193,8 @@ class Connection:
             self._said.seek(0)
             said = self._said.read(1 << 16).decode(errors="replace").strip()
             why = " ".join(said.splitlines()[-3:])[-_SHOWN:] or "the connection was closed"
+            if "No module named 'stepbus_hosts'" in why:
+                why = f"stepbus is not installed for {self.spec.python} there"
         except Exception as exc:  # noqa: BLE001  (whatever it sends, it is lost)
             why = f"does not speak as its agent: {exc}"
         self._lost = self._lost or why

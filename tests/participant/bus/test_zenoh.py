@@ -70,7 +70,7 @@ def test_two_replies_come_to_a_query_to_all_without_consolidation_only(sessions)
         assert time.monotonic() < end
         time.sleep(0.01)
     counts = [
-        len(list(asker._session.get("stepbus/r/join", timeout=WAIT_S, **how)))  # noqa: SLF001
+        len(list(asker.session.get("stepbus/r/join", timeout=WAIT_S, **how)))
         for how in ({}, ALL, NONE, ALL | NONE)
     ]
     assert counts == [1, 1, 1, 2]
