@@ -110,7 +110,7 @@ class Host:
             greeting = self._connection.greeting()
         except (StartFailed, Interrupted) as exc:
             hint = "; install stepbus there, or name the right `python`"
-            return what, "fail", f"{exc}{hint * ('No module named' in str(exc))}"
+            return what, "fail", f"{exc}{hint * ('not installed' in str(exc))}"
         self.origin, self.versions = greeting.origin, greeting.versions
         return what, "ok", f"{spec.python} has stepbus, and can write to {spec.folder}"
 
