@@ -131,10 +131,11 @@ class Robot:
         return f"{self.terminal.read_text()}\n--- sshd\n{self._log.read_text()}"
 
     def processes(self, word=""):
-        """Return the processes of this user, with a word in their command line."""
+        """Return the processes of this user on this host, with a word in their command line."""
         found = []
-        for process in psutil.process_iter():
+        for pid in self.wan.pids(1):
             try:
+                process = psutil.Process(pid)
                 is_ours = process.uids().real == UID and not has_ended(process)
                 if is_ours and word in shlex.join(process.cmdline()):
                     found.append(process)
