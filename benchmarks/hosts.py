@@ -24,7 +24,7 @@ _SCENARIO = Path("scenarios/stepbus_scenarios/two_link")
 _RTT_MS = (0.0, 1.0, 10.0, 50.0)
 _WINDOWS = (1, 8, 64, 512)
 _DELAYS = (0, 1, 8)
-_SECONDS = 4.0
+_SECONDS = 2.0
 """About how long a run takes."""
 
 
@@ -41,15 +41,14 @@ def rate(wan: Wan, window: int, delay: int, steps: int, rtt_ms: float) -> float:
             *("--set", f"plant.inputs.command={{from: controller.command, delay: {delay}}}"),
             *("--set", "controller.step_timeout=60s", "--set", "plant.step_timeout=60s"),
         ]
-        run = subprocess.Popen(
-            wan.on(0, *command), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        run = wan.start(0, *command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         while not ticket.exists():
             if run.poll() is not None:
                 raise RuntimeError(run.communicate()[1])
             time.sleep(0.02)
-        joined = subprocess.Popen(
-            wan.on(1, _STEPBUS, "join", str(ticket)),
+        joined = wan.start(
+            1,
+            *(_STEPBUS, "join", str(ticket)),
             cwd=there,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
