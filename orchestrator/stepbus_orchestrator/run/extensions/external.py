@@ -75,8 +75,8 @@ class External(RunExtension):
             ticket = external.ticket
             copied, word = ("", "LINE") if external.line else (f"{ticket} and ", ticket.name)
             how = (
-                f"copy {copied}the scenario's folder to its host, and start it there, in that "
-                f"folder, with `stepbus join {word}`"
+                f"copy {copied}the folder {self.run.state.scenario.folder} to its host, and start "
+                f"it there, in that folder, with `stepbus join {word}`"
             )
         own = shlex.join(participant.spec.program)
         text = f"{how}, which runs `{own}`; append `-- PROGRAM` to run another program"
