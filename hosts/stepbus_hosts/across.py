@@ -103,10 +103,16 @@ class Across(Elsewhere):
                 tell=lambda text: run.observer.event("gateway", address or origin, -1, text),
             )
             stack.enter_context(launcher.guarded(self._gateway.pid))
-            stack.callback(self._gateway.close)
+            stack.callback(self._close)
             shown = f"{self._gateway.address}:{self._gateway.port}"
             run.observer.event("listening", shown, -1, f"for {', '.join(self.names)} (mutual TLS)")
             yield
+
+    def _close(self) -> None:
+        self._gateway.close()
+        if self._gateway.refused:
+            text = f"refused {self._gateway.refused} connections and messages of strangers"
+            self._run.warn("gateway", text)
 
     def _leave(self, connection: Connection) -> None:
         for name, text in connection.close():

@@ -3,6 +3,7 @@
 import ipaddress
 import socket
 
+from stepbus_orchestrator.scenario.model import LAST_TCP_PORT
 from stepbus_schemas import WiringError
 
 
@@ -16,6 +17,8 @@ def parse_address(text: str) -> tuple[str, int]:
     try:
         address = ipaddress.ip_address(host.partition("]")[0])
         number = int(port or 0)
+        if number not in range(LAST_TCP_PORT + 1):
+            raise ValueError(number)  # noqa: TRY301  (as for what is no number)
     except ValueError as exc:
         raise WiringError(
             f"{text!r} is no ADDRESS or ADDRESS:PORT, such as 192.0.2.7:7447"

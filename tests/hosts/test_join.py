@@ -232,6 +232,6 @@ except BusError as exc:
         [sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=60
     )
     assert done.stdout.strip() == (
-        "127.0.0.1:1 cannot be reached: no link within 0.5 s; is the run over, or is the port "
+        "127.0.0.1:1 cannot be reached: no link within 0.5 s; is the run over, does another process use its ticket, or is the port "
         "closed by a firewall?"
     )

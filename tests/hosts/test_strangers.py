@@ -84,7 +84,7 @@ def test_a_ticket_is_of_use_once(tmp_path, wan, expected):
     second = distant.start(STRANGER, *words, text=distant.joined["second"], cwd=home)
     assert second.wait(100) == 1, distant.said()
     assert_unchanged(distant, expected)
-    assert "it is for one process of one run" in distant.joined["second"].read_text()
+    assert "does another process use its ticket" in distant.joined["second"].read_text()
     assert f"refused {distant.wan.addresses[STRANGER]}: its ticket is in use" in distant.said()
 
 

@@ -90,11 +90,9 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
         path.write_bytes(msgspec.json.encode(self))
 
 
-def unreachable(address: str, why: str) -> str:
+def unreachable(address: str, why: str, what: str = "is the run over") -> str:
     """Return that a run on another host cannot be reached, and what to check."""
-    return (
-        f"{address} cannot be reached: {why}; is the run over, or is the port closed by a firewall?"
-    )
+    return f"{address} cannot be reached: {why}; {what}, or is the port closed by a firewall?"
 
 
 def private_folder(endpoint: Endpoint) -> Path | None:

@@ -115,7 +115,8 @@ def _opened(zenoh: Any, config: Any, endpoint: Endpoint) -> Any:
     thread.join(_OPEN_S)
     if not opened and endpoint.settings.get("mode") == "client":
         address = ", ".join(one.partition("/")[2] for one in endpoint.connect)
-        raise BusError(unreachable(address, f"no link within {_OPEN_S:g} s"))
+        what = "is the run over, does another process use its ticket"
+        raise BusError(unreachable(address, f"no link within {_OPEN_S:g} s", what))
     if not opened:
         raise BusError(f"no Zenoh session opened within {_OPEN_S} s; {_LIMITS}")
     (session,) = opened

@@ -1,0 +1,87 @@
+"""What is refused before anything starts; hosts, addresses and scenarios that do not fit."""
+
+import pytest
+
+import stepbus
+from stepbus_hosts.addresses import parse_address
+from stepbus_hosts.hosts_file import read_hosts
+
+HOSTS = "robot: {address: robot.local, user: ada}\n"
+
+
+@pytest.fixture
+def hosts(tmp_path):
+    path = tmp_path / "hosts.yaml"
+    path.write_text(HOSTS)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("192.0.2.7", ("192.0.2.7", 0)), ("192.0.2.7:7447", ("192.0.2.7", 7447))],
+)
+def test_addresses(text, expected):
+    assert parse_address(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("robot.local", "is no ADDRESS"),
+        ("192.0.2.7:http", "is no ADDRESS"),
+        ("192.0.2.7:70000", "is no ADDRESS"),
+        ("192.0.2.7:-1", "is no ADDRESS"),
+        ("0.0.0.0", "choose one"),
+        ("[2001:db8::7]:7447", "IPv4 addresses only"),
+        ("::", "IPv4 addresses only"),
+        ("", "is no ADDRESS"),
+    ],
+)
+def test_what_is_no_address(text, words):
+    with pytest.raises(stepbus.WiringError, match=words):
+        parse_address(text)
+
+
+def test_a_host_is_its_address_and_user(hosts):
+    assert read_hosts(hosts)["robot"].destination == "ada@robot.local"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("- robot\n", "hosts.yaml"),
+        ("robot: {adress: robot.local}\n", "did you mean 'address'"),
+        ("robot: {address: robot.local, ssh: [3]}\n", "must be text"),
+        ("robot: robot.local\n", "robot"),
+    ],
+)
+def test_a_file_of_hosts_says_where_it_is_wrong(tmp_path, text, words):
+    path = tmp_path / "hosts.yaml"
+    path.write_text(text)
+    with pytest.raises(stepbus.WiringError, match=words):
+        read_hosts(path)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"listen": "127.0.0.1"}, "which the scenario has none of"),
+        ({"hosts": "hosts"}, "no participant has a host"),
+        ({"set": {"controller.host": "robot"}}, "say with --hosts FILE where that is"),
+        ({"set": {"controller.host": "robt"}, "hosts": "hosts"}, "did you mean 'robot'"),
+        ({"set": {"controller.host": "robot"}, "in_process": True}, "a process of its own"),
+        (
+            {"set": {"controller.host": "robot", "bus.transport": "tcp"}, "hosts": "hosts"},
+            "TCP on loopback",
+        ),
+        (
+            {"set": {"controller.host": "robot", "controller.start": "external"}},
+            "participant that stepbus starts there",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused_and_leaves_no_folder(tmp_path, hosts, given, words):
+    given |= {"hosts": hosts} if "hosts" in given else {}
+    with pytest.raises(stepbus.WiringError, match=words):
+        stepbus.run("two_link", out=tmp_path / "run", **given)
+    assert not (tmp_path / "run").exists()
