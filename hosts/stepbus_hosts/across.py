@@ -102,7 +102,8 @@ class Across(Elsewhere):
                 lease_s=_LEASE_S,
                 tell=lambda text: run.observer.event("gateway", address or origin, -1, text),
             )
-            stack.enter_context(launcher.guarded(self._gateway.pid))
+            self.relay = self._gateway.pid
+            stack.enter_context(launcher.guarded(self.relay))
             stack.callback(self._close)
             shown = f"{self._gateway.address}:{self._gateway.port}"
             run.observer.event("listening", shown, -1, f"for {', '.join(self.names)} (mutual TLS)")

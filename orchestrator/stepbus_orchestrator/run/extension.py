@@ -28,10 +28,11 @@ class Strategy:
     """How a run gets its participants.
 
     has_links: whether messages between them travel over a transport. slots: what they share files
-    by.
+    by. relay: process that passes on the messages of those on other hosts.
     """
 
     has_links = False
+    relay = 0
     slots: RunSlots = RunSlots()
 
     def launch(self, run: RunView) -> None:

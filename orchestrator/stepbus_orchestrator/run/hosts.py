@@ -27,8 +27,10 @@ from stepbus_schemas import WiringError
 class Elsewhere:
     """Reaches the participants on other hosts; this one reaches none.
 
-    behind: as of `make_mesh`; empty: all participants are here.
+    behind: as of `make_mesh`; empty: all participants are here. relay: process of the gateway.
     """
+
+    relay = 0
 
     behind: Mapping[str, Collection[str]] = MappingProxyType({})
 
@@ -130,6 +132,7 @@ class _Launch(Strategy):
         self._launcher = launcher
         self._start_order = start_order
         self._elsewhere = elsewhere
+        self.relay = elsewhere.relay
 
     def launch(self, run: RunView) -> None:
         """Start the participants in their order; let the user start those that are external."""

@@ -65,6 +65,9 @@ class Placement(RunExtension):
         """Take a process; a process that replaces another takes its place."""
         if isinstance(participant.process, Child):
             self._pids[participant.name] = participant.process.pid
+        elif participant.spec.folder:
+            # It is on another host: here, the relay takes its place in the chain.
+            self._pids[participant.name] = self.run.strategy.relay
 
     def turn(self) -> None:
         """Go on with the plan, when it is time to."""
@@ -119,7 +122,8 @@ class Placement(RunExtension):
         self._is_placed = is_placed
         ours = os.sched_getaffinity(0)
         shared = _core_of(self._pids[self._cycles[0]]) if is_placed and self._cycles else ours
-        for name, pid in self._pids.items():
+        # Last those that share: a relay stands for several participants.
+        for name, pid in sorted(self._pids.items(), key=lambda row: row[0] in self._cycles):
             place(pid, shared if name in self._cycles else ours, waits=is_placed)
         place(os.getpid(), ours, waits=is_placed)
 
