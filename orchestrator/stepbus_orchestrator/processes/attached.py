@@ -103,9 +103,9 @@ def check_files(files: Mapping[str, str], folder: Path) -> None:
         except OSError as exc:
             found = exc.strerror or str(exc)
         if found != wanted:
-            what = "is not that of the run" if len(found) == len(wanted) else f": {found}"
+            what = " is not that of the run" if len(found) == len(wanted) else f": {found}"
             raise WiringError(
-                f"{folder / name} {what}; copy the scenario's folder from the host of the run, and "
+                f"{folder / name}{what}; copy the scenario's folder from the host of the run, and "
                 "join in it"
             )
 

@@ -162,7 +162,7 @@ class ZenohBus:
             if users_file is not None:
                 with contextlib.suppress(OSError):
                     Path(users_file).unlink()
-        self._is_client = not endpoint.listen
+        self._is_client = endpoint.settings.get("mode") == "client"
         if self._is_client:
             for address, link in tcp_links():
                 if f"tls/{address}" in endpoint.connect:
