@@ -8,6 +8,7 @@ itself, its reaper does.
 import contextlib
 import hashlib
 import os
+import re
 import select
 import signal
 import socket
@@ -32,7 +33,13 @@ from .versions import host_versions
 SCENARIO = "scenario"
 """The key of the scenario itself among its files."""
 _LOOK_S = 0.02
+_TURN_BYTES = 1 << 18
+"""What of a log is sent between two looks at what the orchestrator asks for."""
+_LATE_BYTES = 1 << 24
+_PIECE_BYTES = _TAIL_BYTES = 1 << 16
+"""A log that is so late when its participant has ended is sent without its middle."""
 _KEPT_S = 30 * 86400
+_DIGEST = re.compile("[0-9a-f]{64}")
 _REACH_S = 5.0
 
 
@@ -51,6 +58,7 @@ class _Agent:
         self._home = Path()
         self._logs: dict[str, BinaryIO] = {}
         self._ended: set[str] = set()
+        self._is_behind = False
 
     def work(self) -> None:
         """Do what the orchestrator asks for, until it is gone."""
@@ -62,18 +70,18 @@ class _Agent:
             return
         except (StepbusError, OSError) as exc:
             with contextlib.suppress(OSError):
-                self._send(wire.Problem(_sentence(exc)))
+                self._send(wire.Problem(_sentence(exc, self._cache)))
         finally:
             # All at once, before each in its turn.
             for child in self._children.values():
                 child.terminate()
             left = [] if self._launcher is None else self._launcher.end_all()
             with contextlib.suppress(OSError):
-                self._report()
+                self._report(is_last=True)
                 self._send(wire.Left(left))
 
     def _turn(self) -> None:
-        ready, _, _ = select.select([0], [], [], _LOOK_S)
+        ready, _, _ = select.select([0], [], [], 0 if self._is_behind else _LOOK_S)
         now = time.monotonic()
         if ready:
             self._heard = now
@@ -121,8 +129,11 @@ class _Agent:
         with tempfile.TemporaryFile(dir=self._cache):
             pass  # That one can be written shows in time.
         for path in self._cache.iterdir():
-            if path.stat().st_mtime < time.time() - _KEPT_S:
-                path.unlink(missing_ok=True)
+            # Whatever else the user has there is not ours.
+            if _DIGEST.fullmatch(path.name) and path.is_file():
+                with contextlib.suppress(FileNotFoundError):
+                    if path.stat().st_mtime < time.time() - _KEPT_S:
+                        path.unlink()
         self._launcher = Launcher(run=order.run, token=order.token)
         missing = [name for name in set(order.files.values()) if not self._has(name)]
         origin = os.environ.get("SSH_CONNECTION", "").partition(" ")[0]
@@ -132,6 +143,8 @@ class _Agent:
 
     def _has(self, name: str) -> bool:
         """Return whether a file is in the cache, whole and unchanged."""
+        if not (self._cache / name).is_file():
+            return False
         try:
             content = (self._cache / name).read_bytes()
             os.utime(self._cache / name)
@@ -164,21 +177,35 @@ class _Agent:
         self._logs[order.name] = child.log.open("rb")
         self._send(wire.Started(order.name, child.pid))
 
-    def _report(self) -> None:
-        """Send what participants have printed, and which have ended."""
+    def _report(self, *, is_last: bool = False) -> None:
+        """Send what participants have printed, and which have ended.
+
+        is_last: all have ended.
+        """
+        self._is_behind = False
         for name, child in self._children.items():
             code = None if name in self._ended else child.exit_code()
-            while text := self._logs[name].read(1 << 16):
+            is_whole, log = is_last or code is not None, self._logs[name]
+            # What it has started may print on without end.
+            behind = os.fstat(log.fileno()).st_size - log.tell()
+            if is_whole and behind > _LATE_BYTES:
+                skipped, behind = behind - _TAIL_BYTES, _TAIL_BYTES
+                log.seek(skipped, os.SEEK_CUR)
+                self._send(wire.Printed(name, b"\n[%d bytes are left out]\n" % skipped))
+            left = behind if is_whole else min(behind, _TURN_BYTES)
+            while left and (text := log.read(min(left, _PIECE_BYTES))):
+                left -= len(text)
                 self._send(wire.Printed(name, text))
+            self._is_behind |= behind > _TURN_BYTES
             if code is not None:
                 self._ended.add(name)
                 self._send(wire.Ended(name, code))
 
 
-def _sentence(exc: Exception) -> str:
-    """Return what is wrong, with the file if it is one."""
+def _sentence(exc: Exception, folder: Path) -> str:
+    """Return what is wrong, with the file if it is one; folder: where we write."""
     if isinstance(exc, OSError):
-        return f"{exc.filename or 'a file'}: {exc.strerror}; may you write there, is there room?"
+        return f"{exc.filename or folder}: {exc.strerror}; may you write there, is there room?"
     return str(exc)
 
 

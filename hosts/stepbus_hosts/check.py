@@ -1,7 +1,6 @@
 """`stepbus doctor --hosts`: whether this host and others reach each other, before a run."""
 
 import contextlib
-import os
 import secrets
 import socket
 import subprocess
@@ -14,9 +13,10 @@ from pathlib import Path
 from typing import Literal
 
 from stepbus_orchestrator.errors import Interrupted, StartFailed
+from stepbus_schemas import WiringError
 
 from . import wire
-from .addresses import own_addresses, parse_address
+from .addresses import open_port, parse_address
 from .connection import Connection, ssh_command
 from .hosts_file import HostSpec, read_hosts
 from .versions import MUST_AGREE, compared, host_versions
@@ -126,15 +126,9 @@ def _back(hosts: list[Host], address: str, port: int) -> Iterator[Row]:
         yield "listen", "fail", "no host says how it was reached; give --listen ADDRESS"
         return
     try:
-        listener = socket.create_server((address, port))
-    except OSError as exc:
-        why = os.strerror(exc.errno or 0)
-        own = ", ".join(own_addresses()) or "none that its name tells"
-        text = (
-            f"{address}:{port} cannot be opened here: {why}; addresses of this "
-            f"host: {own}; behind a router, --listen one of them, and say `reaches` in the file"
-        )
-        yield "listen", "fail", text
+        listener = open_port(address, port)
+    except WiringError as exc:
+        yield "listen", "fail", str(exc)
         return
     with listener:
         for host in hosts:

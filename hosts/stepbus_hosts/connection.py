@@ -93,10 +93,12 @@ class Connection:
     def start(self, order: wire.Start, log: Path) -> "RemoteProcess":
         """Start a participant; raises StartFailed where that cannot be done."""
         process = self._processes[order.name] = RemoteProcess(self, order.name, log)
+        os.close(append_to(log))  # There is one, as of those here, also where nothing is printed.
         self._queue.put(order)
         started: wire.Started = self._answer(_FILES_S, order.name)
         if started.problem:
-            raise StartFailed(f"on {self.name}: {started.problem}", participant=order.name)
+            text = f"{order.name}: on {self.name}: {started.problem}"
+            raise StartFailed(text, participant=order.name)
         process.remote_pid = started.pid
         return process
 

@@ -18,8 +18,9 @@ import trustme
 
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_participant import Endpoint
+from stepbus_schemas import WiringError
 
-from .addresses import parse_address
+from .addresses import open_port, parse_address
 
 GATEWAY = ".gateway"
 """Its name on the bus; no participant's name has a leading dot."""
@@ -62,6 +63,10 @@ class Gateway:
         lease_s: float,
         tell: Callable[[str], None],
     ) -> None:
+        try:
+            open_port(address, port).close()
+        except WiringError as exc:
+            raise BusFailed(str(exc)) from exc
         self.address, self.port = address, port
         self.refused = 0
         self.links: dict[str, str] = {}

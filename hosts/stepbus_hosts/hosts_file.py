@@ -1,9 +1,13 @@
 """The file of `--hosts`: where the hosts are that a scenario names."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from stepbus_participant import Name, Settings, Text
-from stepbus_participant.parameters import read, read_yaml
+from stepbus_participant.parameters import Keys, read, read_yaml
+from stepbus_schemas import WiringError
+
+from .addresses import parse_address
 
 
 class HostSpec(Settings):
@@ -25,6 +29,14 @@ class HostSpec(Settings):
 
     compress: bool = False
     """Whether what goes to and from it is compressed (LZ4): for images over a slow network."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield that `reaches` is no address."""
+        try:
+            if self.reaches:
+                parse_address(self.reaches)
+        except WiringError as exc:
+            yield ("reaches",), str(exc)
 
     @property
     def destination(self) -> str:

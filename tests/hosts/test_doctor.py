@@ -114,6 +114,40 @@ def test_an_address_of_another_host_cannot_be_listened_on(tmp_path):
     verdict, text = found["listen"]
     assert verdict == "fail"
     assert "192.0.2.1:7447 cannot be opened here: Cannot assign requested address" in text
+    assert "behind a router" in text
+
+
+@pytest.mark.usefixtures("local_ssh")
+def test_a_port_that_is_taken_is_told_as_that_by_doctor_and_run(tmp_path, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        listen = f"127.0.0.1:{taken.getsockname()[1]}"
+        _, text = verdicts(check_hosts(write_hosts(tmp_path, robot={}), listen))["listen"]
+        words = ["--external", "controller", "--listen", listen, "--out", str(tmp_path / "out")]
+        assert main(["run", "two_link", *words]) == ExitCode.BUS
+    why = f"{listen} cannot be opened here: Address already in use; another run or program has it"
+    assert text.startswith(why)
+    assert why in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("local_ssh", "nothing_is_left")
+def test_what_the_user_keeps_in_the_folder_there_stays(tmp_path):
+    files = tmp_path / "there/files"
+    (files / "folder").mkdir(parents=True)
+    ours = files / f"{1:064x}"
+    for path in (ours, files / "thesis.tex"):
+        path.touch()
+    for path in files.iterdir():
+        os.utime(path, (0, 0))
+    found = verdicts(check_hosts(write_hosts(tmp_path, robot={}), ""))
+    assert found["robot, agent"][0] == "ok"
+    assert {path.name for path in files.iterdir()} == {"folder", "thesis.tex"}
+
+
+@pytest.mark.parametrize("reaches", ["router", "192.0.2.7:70000"])
+def test_reaches_is_checked_before_anything_is_started(tmp_path, reaches):
+    hosts = write_hosts(tmp_path, robot={"reaches": reaches})
+    with pytest.raises(WiringError, match=rf"hosts.yaml:1: robot.reaches: '{reaches}'"):
+        next(check_hosts(hosts, ""))
 
 
 @pytest.mark.parametrize(
@@ -151,6 +185,9 @@ def test_the_message_types_that_ship_are_compared(monkeypatch):
 def test_what_is_no_address_and_listening_for_nobody_are_refused(tmp_path, capsys):
     with pytest.raises(WiringError, match="every network at once"):
         list(check_hosts(write_hosts(tmp_path, robot={}), "0.0.0.0:7447"))
+    for port in (-1, 70000):
+        with pytest.raises(WiringError, match=f"192.0.2.7:{port}': a port is 1 to 65535"):
+            list(check_hosts(write_hosts(tmp_path, robot={}), f"192.0.2.7:{port}"))
     assert main(["doctor", "--listen", "127.0.0.1"]) == ExitCode.SCENARIO
     assert "--listen is for --hosts" in capsys.readouterr().err
 

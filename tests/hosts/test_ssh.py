@@ -29,6 +29,7 @@ def assert_same(robot, folder):
 def test_a_participant_on_another_host_gives_the_same_bytes(tmp_path, robot):
     assert_same(robot.start(*SHORT), tmp_path)
     assert f"listening: {robot.wan.addresses[0]}:" in robot.said()
+    assert (robot.out / "logs/controller.log").read_bytes() == b""
 
 
 @pytest.mark.slow
@@ -47,6 +48,22 @@ def test_what_it_prints_comes_back(tmp_path, robot):
     log = (robot.out / "logs/controller.log").read_text()
     assert log.startswith(f"printed there, in {robot.tmp}/stepbus-")
     assert robot.is_empty(LEASE_S), robot.processes()
+
+
+@pytest.mark.slow
+def test_a_child_that_prints_without_end_holds_up_nothing(robot):
+    program = "yes printed >&2 & sleep 1; exit 7"
+    robot.start(*SHORT, "controller.participant=", f"controller.exec=[sh, -c, '{program}']")
+    result = robot.result()
+    assert f"on {USER}) exited with code 7" in result["reason"]
+    assert (robot.out / "logs/controller.log").read_bytes().startswith(b"printed\nprinted\n")
+    assert robot.is_empty(LEASE_S), robot.processes()
+
+
+@pytest.mark.slow
+def test_a_program_that_is_missing_there_is_told_with_its_participant(robot):
+    robot.start(*SHORT, "controller.participant=", "controller.exec=[nowhere]")
+    assert robot.result()["reason"].startswith(f"controller: on {USER}: no program 'nowhere'")
 
 
 def the_orchestrator(robot):
