@@ -12,7 +12,6 @@ from stepbus_schemas import WiringError
 
 _GET_ADDRESS = 0x8915
 """`SIOCGIFADDR` of Linux."""
-_HIGHEST_PORT = (1 << 16) - 1
 
 
 def parse_address(text: str) -> tuple[str, int]:
@@ -25,21 +24,19 @@ def parse_address(text: str) -> tuple[str, int]:
     try:
         address = ipaddress.ip_address(host.partition("]")[0])
         number = int(port or 0)
-        if number not in range(LAST_TCP_PORT + 1):
-            raise ValueError(number)  # noqa: TRY301  (as for what is no number)
     except ValueError as exc:
         raise WiringError(
             f"{text!r} is no ADDRESS or ADDRESS:PORT, such as 192.0.2.7:7447"
         ) from exc
-    if number not in range(_HIGHEST_PORT + 1):
-        raise WiringError(f"{text!r}: a port is 1 to {_HIGHEST_PORT}; 0: any free one")
+    if number not in range(LAST_TCP_PORT + 1):
+        raise WiringError(f"{text!r}: a port is 1 to {LAST_TCP_PORT}; 0: any free one")
     own = ", ".join(own_addresses()) or "none"
     if address.version != 4:
         raise WiringError(
             f"{text!r}: Zenoh opens TLS links to IPv4 addresses only; this host has: {own}"
         )
-    if address.is_unspecified:
-        raise WiringError(f"{text!r} is every network at once; choose one; this host has: {own}")
+    if address.is_unspecified or address.is_multicast:
+        raise WiringError(f"{text!r} is of several networks; choose one; this host has: {own}")
     return host, number
 
 

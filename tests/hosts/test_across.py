@@ -29,8 +29,9 @@ def test_addresses(text, expected):
     [
         ("robot.local", "is no ADDRESS"),
         ("192.0.2.7:http", "is no ADDRESS"),
-        ("192.0.2.7:70000", "is no ADDRESS"),
-        ("192.0.2.7:-1", "is no ADDRESS"),
+        ("192.0.2.7:70000", "a port is 1 to 65535"),
+        ("192.0.2.7:-1", "a port is 1 to 65535"),
+        ("224.0.0.1", "choose one"),
         ("0.0.0.0", "choose one"),
         ("[2001:db8::7]:7447", "IPv4 addresses only"),
         ("::", "IPv4 addresses only"),

@@ -183,7 +183,7 @@ def test_the_message_types_that_ship_are_compared(monkeypatch):
 
 
 def test_what_is_no_address_and_listening_for_nobody_are_refused(tmp_path, capsys):
-    with pytest.raises(WiringError, match="every network at once"):
+    with pytest.raises(WiringError, match="of several networks"):
         list(check_hosts(write_hosts(tmp_path, robot={}), "0.0.0.0:7447"))
     for port in (-1, 70000):
         with pytest.raises(WiringError, match=f"192.0.2.7:{port}': a port is 1 to 65535"):

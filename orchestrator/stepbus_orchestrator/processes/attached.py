@@ -140,7 +140,7 @@ class Attached(Process):
     ticket: path of that it has been given. log: where a child's output would go. address: where we
     listen. children: our own processes. cut, is_silent: what cuts its links, and what `silence`
     returns, where it is linked to us by a gateway. line: the ticket, where the user gets it as one
-    line; empty: at its path.
+    line; empty: at its path. is_distant: whether it is on another host, with a copy of that.
     """
 
     def __init__(self, ticket: Path, log: Path, address: str, children: Collection[Child]) -> None:
@@ -150,13 +150,14 @@ class Attached(Process):
             address, self.pid, [child.pid for child in children]
         )
         self.is_silent: Callable[[], str] = str
-        self.line = ""
+        self.line, self.is_distant = "", False
         self._has_left = False
 
     @property
     def command(self) -> str:
         """Return the command that starts it; LINE stands for its ticket as a line."""
-        return shlex.join(["stepbus", "join", "LINE" if self.line else str(self.ticket)])
+        ticket = self.ticket.name if self.is_distant else str(self.ticket)
+        return shlex.join(["stepbus", "join", "LINE" if self.line else ticket])
 
     def joined(self, pid: int) -> None:
         """Take the process id that it gives itself, if that is a process with our ticket."""

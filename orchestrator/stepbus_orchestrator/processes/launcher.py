@@ -140,6 +140,7 @@ class Launcher:
             path, self._logs / f"{spec.name}.log", endpoint.connect[0], self.children.values()
         )
         attached.line = "" if ticket else line_of(content)
+        attached.is_distant = scenario_folder is None
         return attached
 
     def remove_too(self, path: Path) -> None:

@@ -71,12 +71,11 @@ class External(RunExtension):
         if external is None:
             return
         how = f"start it with `{external.command}`"
-        if participant.spec.folder:
-            ticket = external.ticket
-            copied, word = ("", "LINE") if external.line else (f"{ticket} and ", ticket.name)
+        if external.is_distant:
+            copied = "" if external.line else f"{external.ticket} and "
             how = (
                 f"copy {copied}the folder {self.run.state.scenario.folder} to its host, and start "
-                f"it there, in that folder, with `stepbus join {word}`"
+                f"it there, in that folder, with `{external.command}`"
             )
         own = shlex.join(participant.spec.program)
         text = f"{how}, which runs `{own}`; append `-- PROGRAM` to run another program"
