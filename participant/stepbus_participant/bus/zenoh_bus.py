@@ -78,6 +78,7 @@ def zenoh_settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]
     if endpoint.user is not None:
         settings["transport/auth/usrpwd/user"] = endpoint.user
         settings["transport/auth/usrpwd/password"] = endpoint.password
+    if users_file is not None:
         settings["transport/auth/usrpwd/dictionary_file"] = users_file
     return {**settings, **endpoint.settings}
 
@@ -147,7 +148,8 @@ class ZenohBus:
         self._zenoh: Any = zenoh
         self._prefix = f"stepbus/{run}/"
         self._held: list[Any] = []
-        users_file = self._write_users(endpoint) if endpoint.user is not None else None
+        # One who lets nobody in needs none.
+        users_file = self._write_users(endpoint) if endpoint.users else None
         try:
             config = zenoh.Config()
             for path, value in zenoh_settings(endpoint, users_file).items():

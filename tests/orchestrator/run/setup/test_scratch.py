@@ -33,11 +33,11 @@ def test_a_replay_that_fails_quotes_the_log_and_leaves_nothing(own_temp, tmp_pat
     path = write_scenario(tmp_path / "source")
     assert main(["run", str(path), "--set", "duration=50ms", "--out", str(tmp_path / "run")]) == 0
     program = path.with_name("joints.py")
-    program.write_text("raise SystemExit('no such gain')\n")
+    program.write_text("print('gains')\nraise SystemExit('no such gain')\n")
     recording = str(tmp_path / "run" / "run.mcap")
     code = main(["replay", recording, "--participant", "controller", "--source", str(path)])
     assert code == ExitCode.START
-    assert "its log ends below\n  no such gain\n" in capsys.readouterr().err
+    assert "its log ends below\n  gains\n  no such gain\n" in capsys.readouterr().err
     assert not list(own_temp.iterdir())
 
 
