@@ -33,11 +33,15 @@ def test_a_replay_that_fails_quotes_the_log_and_leaves_nothing(own_temp, tmp_pat
     path = write_scenario(tmp_path / "source")
     assert main(["run", str(path), "--set", "duration=50ms", "--out", str(tmp_path / "run")]) == 0
     program = path.with_name("joints.py")
-    program.write_text("print('gains')\nraise SystemExit('no such gain')\n")
+    # More than is in the sentence itself.
+    text = "for gain in range(9):\n    print('gain', gain)\nraise SystemExit('no such gain')\n"
+    program.write_text(text)
     recording = str(tmp_path / "run" / "run.mcap")
     code = main(["replay", recording, "--participant", "controller", "--source", str(path)])
     assert code == ExitCode.START
-    assert "its log ends below\n  gains\n  no such gain\n" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "its log ends below\n" in said
+    assert "  gain 8\n  no such gain\n" in said
     assert not list(own_temp.iterdir())
 
 
