@@ -81,10 +81,31 @@ class Gateway:
         self._seen = dict[str, int]()
         self._linking = dict[str, float]()
         """Address of a link that is open, but of no session yet → since when."""
-        lease_ms = round(1000 * lease_s)
-        endpoint = msgspec.structs.replace(
+        environment = {k: v for k, v in os.environ.items() if k != "ZENOH_RUNTIME"}
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "stepbus_hosts.relay"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env={**environment, "RUST_LOG": _LOG, "NO_COLOR": "1"},
+            start_new_session=True,
+        )
+        self.pid = self._process.pid
+        self._write(msgspec.json.encode({"endpoint": self._own(endpoint), "run": run}))
+        self._reader = threading.Thread(target=self._read, name="gateway", daemon=True)
+        self._reader.start()
+        self._is_up.wait(_START_S)
+        if self._failed or not self.port:
+            why = self._failed or f"the gateway was not up within {_START_S:g} s"
+            self.close()
+            raise BusFailed(why)
+
+    def _own(self, endpoint: Endpoint) -> Endpoint:
+        """Return the endpoint of the process, with all that it is for other hosts."""
+        lease_ms = round(1000 * self._lease_s)
+        return msgspec.structs.replace(
             endpoint,
-            listen=[f"tls/{address}:{port}"],
+            listen=[f"tls/{self.address}:{self.port}"],
             users={**endpoint.users, **self._passwords},
             settings={
                 **endpoint.settings,
@@ -99,24 +120,6 @@ class Gateway:
                 ),
             },
         )
-        environment = {k: v for k, v in os.environ.items() if k != "ZENOH_RUNTIME"}
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "stepbus_hosts.relay"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            env={**environment, "RUST_LOG": _LOG, "NO_COLOR": "1"},
-            start_new_session=True,
-        )
-        self.pid = self._process.pid
-        self._write(msgspec.json.encode({"endpoint": endpoint, "run": run}))
-        self._reader = threading.Thread(target=self._read, name="gateway", daemon=True)
-        self._reader.start()
-        self._is_up.wait(_START_S)
-        if self._failed or not self.port:
-            why = self._failed or f"the gateway was not up within {_START_S:g} s"
-            self.close()
-            raise BusFailed(why)
 
     def _certificate(self, name: str) -> dict[str, Any]:
         """Return the settings of a new certificate; there is no file of it."""

@@ -15,19 +15,18 @@ import select
 import socket
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from stepbus_participant import BusError, Endpoint, ZenohBus
-from stepbus_participant.bus.links import tcp_links, tune
+from stepbus_participant.bus.links import sockets, tcp_links, tune
 
 _LOOK_S = 0.5
 _TCP_INFO_BYTES = 104
-_RETRANSMITS, _LAST_ACKED, _RTT = 2, 8 + 4 * 12, 8 + 4 * 15
-"""Places in the kernel's `struct tcp_info`: how often the oldest segment has been repeated, how
-long nothing was acknowledged [ms], and the smoothed round-trip time [µs]."""
+_RETRANSMITS, _LAST_ACKED = 2, 8 + 4 * 12
+"""Places in the kernel's `struct tcp_info`: how often the oldest segment has been repeated, and how
+long nothing was acknowledged [ms]."""
 
 
 class Order(msgspec.Struct):
@@ -45,13 +44,9 @@ def _tell(**row: Any) -> None:
 
 def _port() -> int:
     """Return the port on which Zenoh listens."""
-    for path in filter(Path.is_socket, list(Path("/proc/self/fd").iterdir())):
-        # It may have been closed meanwhile.
-        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(path.name))) as found:
-            is_tcp = found.family == socket.AF_INET
-            if is_tcp and found.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
-                return int(found.getsockname()[1])
-    raise BusError("nothing listens")
+    option = socket.SOL_SOCKET, socket.SO_ACCEPTCONN
+    tcp = (found for found in sockets() if found.family == socket.AF_INET)
+    return next(int(found.getsockname()[1]) for found in tcp if found.getsockopt(*option))
 
 
 class _Links:
@@ -86,7 +81,7 @@ class _Links:
                     link.shutdown(socket.SHUT_RDWR)
 
     def look(self) -> None:
-        """Tell the round-trip time of each link, and for how long its other end is silent [ms]."""
+        """Tell of each link for how long its other end is silent [ms]; tune those that are new."""
         silent = {}
         for name, link in self._open():
             info = link.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _TCP_INFO_BYTES)
@@ -95,7 +90,6 @@ class _Links:
             if name not in self._told:
                 self._told[name] = 0
                 tune(link)
-                _tell(rtt_us={name: int.from_bytes(info[_RTT : _RTT + 4], sys.byteorder)})
         if any(silent.values()) or any(self._told.values()):
             _tell(silent_ms=silent)
         self._told = {name: silent.get(name, 0) for name in self._told}

@@ -23,6 +23,7 @@ from stepbus_orchestrator.processes.activity import NOTHING, Activity, activity_
 from stepbus_orchestrator.processes.child import Child, Process
 from stepbus_orchestrator.processes.reaper import ticket_of
 from stepbus_participant import Ticket, open_regular
+from stepbus_participant.bus.links import sockets
 from stepbus_schemas import UNDECODABLE, BridgeFormat, WiringError, explained
 
 _POLL_S = 0.1
@@ -217,9 +218,9 @@ def cut_links(address: str, pid: int, children: Collection[int]) -> None:
     address: where it listens. pid: of the one whose links are cut; 0: unknown, then of all that
     are no children, as far as the kernel tells. children: their process ids; each leads a session.
     """
-    for path in filter(Path.is_socket, list(Path("/proc/self/fd").iterdir())):
+    for link in sockets():
         # It may have been closed meanwhile, or not be connected.
-        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(path.name))) as link:
+        with contextlib.suppress(OSError):
             if _is_accepted(link, address) and not _is_of_another(link, pid, children):
                 link.shutdown(socket.SHUT_RDWR)
 

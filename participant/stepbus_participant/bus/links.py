@@ -1,4 +1,4 @@
-"""The TCP sockets under Zenoh, which sets some of their options for other uses than ours."""
+"""The sockets under Zenoh, which sets some of their options for other uses than ours."""
 
 import contextlib
 import os
@@ -14,14 +14,22 @@ _RTO_MAX = 44
 _REPEAT_MS = 1000
 
 
+def sockets() -> Iterator[socket.socket]:
+    """Yield the sockets of this process, each of them open until the next one."""
+    for path in filter(Path.is_socket, list(Path("/proc/self/fd").iterdir())):
+        # It may have been closed meanwhile.
+        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(path.name))) as found:
+            yield found
+
+
 def tcp_links() -> Iterator[tuple[str, socket.socket]]:
     """Yield the connected TCP sockets of this process, each with `HOST:PORT` of its other end."""
-    for path in filter(Path.is_socket, list(Path("/proc/self/fd").iterdir())):
-        # It may have been closed meanwhile, or not be connected.
-        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(path.name))) as found:
-            if found.family == socket.AF_INET:
-                host, port = found.getpeername()
-                yield f"{host}:{port}", found
+    for link in sockets():
+        # Others are not connected.
+        with contextlib.suppress(OSError):
+            if link.family == socket.AF_INET:
+                host, port = link.getpeername()
+                yield f"{host}:{port}", link
 
 
 def tune(link: socket.socket) -> None:
