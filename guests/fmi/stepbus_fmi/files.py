@@ -19,7 +19,8 @@ PORTS = (
 )
 """Output port, what its values are, and its type."""
 _STEP_S = 0.01
-_SHOWN = ("structuralParameter", "parameter", "calculatedParameter", "input", "output")
+_SETTABLE = ("structuralParameter", "parameter", "input")
+_SHOWN = (*_SETTABLE, "calculatedParameter", "output")
 _CAN = {
     "hasEventMode": "has an event mode",
     "mightReturnEarlyFromDoStep": "may return early from a step",
@@ -47,16 +48,13 @@ def fmu_scenario(path: Path) -> dict[str, Any]:
 
 def fmu_starter(path: Path, name: str) -> dict[str, bytes]:
     """Return file → content of a folder with a scenario of an FMU, for the user to go on with."""
-    made = fmu_scenario(path)
+    model, made = read_model(path), fmu_scenario(path)
     rows = [f"name: {name}", f"step: {made['step']}", f"duration: {made['duration']}"]
     rows += ["participants:", f"  {next(iter(made['participants']))}:"]
     rows += [f"    participant: {json.dumps(path.name)}"]
     rows += ["    # inputs: {in: PARTICIPANT.OUTPUT}"]
     rows += ["    # params: {inputs: {VARIABLE: in.NAME}, start: {VARIABLE: VALUE}}"]
-    rows += [
-        f"    # {line}"
-        for line in _variables(read_model(path), *"structuralParameter", "parameter", "input")
-    ]
+    rows += [f"    # {line}" for line in _variables(model, *_SETTABLE)]
     return {"scenario.yaml": "\n".join((*rows, "")).encode(), path.name: path.read_bytes()}
 
 

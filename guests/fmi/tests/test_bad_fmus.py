@@ -248,12 +248,15 @@ def test_a_unit_without_a_factor(bench):
 
 
 def test_a_starter_of_an_fmu_has_no_controller(bench, capfd):
-    path, new = bad_c.bad(bench.folder, xml=fmus.xml3(ROWS)), str(bench.folder / "new")
+    size = '<UInt64 name="size" valueReference="7" causality="structuralParameter" start="2"/>'
+    path, new = bad_c.bad(bench.folder, xml=fmus.xml3([*ROWS, size])), str(bench.folder / "new")
     with pytest.raises(SystemExit, match="2"):
         main(["new", "--fmu", str(path), "--language", "rust", new])
     assert "--language, --fmu" in capfd.readouterr().err
     assert main(["new", "--fmu", str(path), new]) == 0
-    assert "# parameter a (2): fixed Float64 = 1 2" in Path(new, "scenario.yaml").read_text()
+    said = Path(new, "scenario.yaml").read_text()
+    assert "# parameter a (2): fixed Float64 = 1 2" in said
+    assert "# structuralParameter size: fixed UInt64 = 2" in said
     assert main(["validate", new]) == 0
 
 
