@@ -4,7 +4,7 @@ It gets ready, says so, and acts when its standard input closes; then it says wh
 """
 
 import contextlib
-import os
+import random
 import socket
 import ssl
 import sys
@@ -29,7 +29,9 @@ def garbage(address, port):
     kept = [socket.create_connection((address, port), 20) for _ in range(20)]
     for number in range(40):
         with socket.create_connection((address, port), 20) as link, contextlib.suppress(OSError):
-            link.sendall(_WORDS[number % len(_WORDS)] + os.urandom(number * 50))
+            link.sendall(
+                _WORDS[number % len(_WORDS)] + random.Random(number).randbytes(number * 50)
+            )
     time.sleep(_SILENT_S)
     for link in kept:
         link.close()
