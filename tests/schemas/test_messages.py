@@ -42,6 +42,12 @@ class Child:
 
     pid, log, late = 7, "controller.log", None
 
+    def where(self):
+        return "pid 7"
+
+    def silence(self):
+        return ""
+
     def exit_code(self):
         return None
 

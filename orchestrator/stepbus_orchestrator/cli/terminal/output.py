@@ -86,9 +86,7 @@ def fold(text: str, width: int, indent: str = "") -> str:
             break_long_words=False,
             break_on_hyphens=False,
         )
-        # So is what comes before a word that takes several lines anyway, such as a command.
-        is_left = len(line) <= width or max(map(len, line.split(" "))) > width
-        return line if is_left else wrap.fill(line)
+        return line if len(line) <= width else wrap.fill(line)
 
     return "\n".join(map(folded, text.split("\n")))
 

@@ -81,7 +81,7 @@ class External(RunExtension):
         text = f"{how}, which runs `{own}`; append `-- PROGRAM` to run another program"
         if external.line:
             # A line of its own: it is selected by one click.
-            text += f"; LINE is for this run only, and a secret:\nstepbus join {external.line}"
+            text += f"; LINE is for this run only, and a secret:\n{external.line}"
         self._tell(participant, text)
 
     def awaiting(self, participants: Iterable[ParticipantState]) -> None:
