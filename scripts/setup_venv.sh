@@ -52,6 +52,13 @@ if ! is_new_enough "$venv/bin/python"; then
     fi
 fi
 
+# The wheel of Pinocchio leaves OpenMP to the system; the smallest images lack it.
+if ! "$venv/bin/python" -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null; then
+    echo "Pinocchio needs the library libgomp.so.1: install the package libgomp1 (Debian, Ubuntu)" \
+        "or libgomp (Fedora) and try again" >&2
+    exit 1
+fi
+
 if ! "$venv/bin/python" -c 'import sys; sys.exit(sys.version_info >= (3, 12))'; then
     echo "note: PyBullet has no wheel for $("$venv/bin/python" --version); the plant uses MuJoCo"
 fi

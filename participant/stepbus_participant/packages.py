@@ -45,6 +45,7 @@ EXTRAS = {
 Robots and their scenarios are a separate package.
 """
 _MISSING = re.compile(r"No module named '([\w.]+)'")
+_LIBRARY = re.compile(r"(lib[\w+-]+)\.so\.?(\d*)[\d.]*: cannot open shared object file: No such")
 
 
 class ExtraMissing(WiringError, ImportError):
@@ -68,6 +69,10 @@ def extra_hint(module: str) -> str:
 
 def import_error_hint(text: str) -> str:
     """Return the hint for the text of an ImportError, `No module named 'pybullet'`; or nothing."""
+    if library := _LIBRARY.search(text):
+        # As Debian names packages of libraries.
+        command = f"sudo apt-get install {library[1].lower()}{library[2]}"
+        return f"; the system lacks a library; on Debian and Ubuntu, install it: {command}"
     match = _MISSING.search(text)
     return extra_hint(match[1]) if match else ""
 

@@ -24,14 +24,27 @@ def test_a_python_that_does_not_run_is_one_sentence_and_changes_nothing(tmp_path
     assert (tmp_path / ".venv").is_dir()
 
 
-def test_what_is_installed_is_not_installed_again(tmp_path):
+def write_setup(folder, case):
+    """Write what the script needs, with a Python that does what the case says with its words."""
     for name in ("scripts", ".venv/bin"):
-        (tmp_path / name).mkdir(parents=True)
+        (folder / name).mkdir(parents=True)
     for name in ("scripts/setup_venv.sh", "pyproject.toml", "constraints.txt"):
-        shutil.copyfile(CHECKOUT / name, tmp_path / name)
-    python = tmp_path / ".venv/bin/python"
-    python.write_text('#!/bin/sh\ncase "$*" in *install*) echo "$@" >>installed;; esac\n')
+        shutil.copyfile(CHECKOUT / name, folder / name)
+    python = folder / ".venv/bin/python"
+    python.write_text(f'#!/bin/sh\ncase "$*" in {case};; esac\n')
     python.chmod(0o755)
+
+
+def test_a_system_without_openmp_is_told_before_the_installation(tmp_path):
+    write_setup(tmp_path, "*libgomp*) exit 1")
+    command = ["sh", "scripts/setup_venv.sh", "sim"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "install the package libgomp1 (Debian, Ubuntu)" in done.stderr
+
+
+def test_what_is_installed_is_not_installed_again(tmp_path):
+    write_setup(tmp_path, '*install*) echo "$@" >>installed')
     for extras in ("sim,report", "sim,report", "dev", "dev", "sim,report"):
         subprocess.run(["sh", "scripts/setup_venv.sh", extras], check=True, cwd=tmp_path)
     installed = (tmp_path / "installed").read_text().splitlines()

@@ -27,3 +27,15 @@ def test_the_text_of_an_import_error_gets_its_hint():
     assert import_error_hint(text) == "; pip install 'stepbus[sim]'"
     assert import_error_hint("ModuleNotFoundError: No module named 'mine'") == ""
     assert extra_hint("matplotlib") == "; pip install 'stepbus[report]'"
+
+
+@pytest.mark.parametrize(
+    ("library", "package"), [("libgomp.so.1", "libgomp1"), ("libGL.so.1.7.0", "libgl1")]
+)
+def test_a_library_that_the_system_lacks_is_named_as_its_package(library, package):
+    text = f"{library}: cannot open shared object file: No such file or directory"
+    assert import_error_hint(text).endswith(f": sudo apt-get install {package}")
+
+
+def test_a_library_for_which_memory_is_lacking_is_not_missing():
+    assert import_error_hint("libgomp.so.1: failed to map segment from shared object") == ""

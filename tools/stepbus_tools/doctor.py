@@ -18,7 +18,7 @@ import msgspec
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.processes.endpoints import make_mesh
 from stepbus_orchestrator.scenario.model import BusSpec, Scenario
-from stepbus_participant import BusError, Endpoint, ZenohBus, install_command
+from stepbus_participant import BusError, Endpoint, ZenohBus, import_error_hint, install_command
 
 Verdict = Literal["ok", "warn", "fail"]
 
@@ -131,7 +131,8 @@ def _loaded(name: str, module: str) -> Finding:
         return Finding(what, "fail", text)
     if done.returncode:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-        return Finding(what, "fail", f"{last}; run `pip install --force-reinstall {name}`")
+        hint = import_error_hint(last) or f"; run `pip install --force-reinstall {name}`"
+        return Finding(what, "fail", last + hint)
     return Finding(what, "ok", "works")
 
 
