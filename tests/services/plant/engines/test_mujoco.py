@@ -6,6 +6,7 @@ import sys
 
 import pytest
 from support.services.devices import box, link, make_stand, write_gripper
+from support.tools import needs_opengl
 
 from stepbus_participant import Problems
 from stepbus_plant.engine import Light
@@ -44,6 +45,7 @@ def test_a_shape_that_it_does_not_know_is_refused_with_its_file(tmp_path, found,
 
 
 def test_what_is_half_transparent_is_seen(tmp_path):
+    needs_opengl("mujoco")
     red = '<visual><geometry><box size="1 1 1"/></geometry><material name="red">{}</material></visual>'
     urdf = link("base", 1.0, box("1 1 1"), more=red.format('<color rgba="1 0 0 0.5"/>'))
     engine = load(tmp_path, urdf).engine
