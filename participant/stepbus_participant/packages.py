@@ -70,9 +70,8 @@ def extra_hint(module: str) -> str:
 def import_error_hint(text: str) -> str:
     """Return the hint for the text of an ImportError, `No module named 'pybullet'`; or nothing."""
     if library := _LIBRARY.search(text):
-        # As Debian names packages of libraries.
-        command = f"sudo apt-get install {library[1].lower()}{library[2]}"
-        return f"; the system lacks a library; on Debian and Ubuntu, install it: {command}"
+        package = f"{library[1].lower()}{library[2]}"  # as Debian names those of libraries
+        return f"; the system lacks a library; on Debian and Ubuntu: sudo apt-get install {package}"
     match = _MISSING.search(text)
     return extra_hint(match[1]) if match else ""
 

@@ -30,12 +30,14 @@ def test_the_text_of_an_import_error_gets_its_hint():
 
 
 @pytest.mark.parametrize(
-    ("library", "package"), [("libgomp.so.1", "libgomp1"), ("libGL.so.1.7.0", "libgl1")]
+    ("text", "hint"),
+    [
+        ("libgomp.so.1: cannot open shared object file: No such file", "apt-get install libgomp1"),
+        ("libGL.so.1.7.0: cannot open shared object file: No such file", "apt-get install libgl1"),
+        ("libgomp.so.1: failed to map segment from shared object", ""),
+    ],
 )
-def test_a_library_that_the_system_lacks_is_named_as_its_package(library, package):
-    text = f"{library}: cannot open shared object file: No such file or directory"
-    assert import_error_hint(text).endswith(f": sudo apt-get install {package}")
-
-
-def test_a_library_for_which_memory_is_lacking_is_not_missing():
-    assert import_error_hint("libgomp.so.1: failed to map segment from shared object") == ""
+def test_a_library_that_the_system_lacks_is_named_as_its_package(text, hint):
+    found = import_error_hint(text)
+    assert found.endswith(hint)
+    assert bool(found) == bool(hint)

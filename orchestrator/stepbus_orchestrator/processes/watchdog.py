@@ -20,7 +20,7 @@ class Watchdog:
 
     limit_s: how long such a call may take [s]. kill: ends the program, which frees the call; runs
     on the watchdog's thread, and again after `limit_s` where that freed nothing. every: calls a
-    function every so often, as that of a bus does. fired: whether it has killed.
+    function every so often, as that of a bus does.
     """
 
     def __init__(
@@ -30,7 +30,6 @@ class Watchdog:
         clock: Clock = time,
         every: Callable[[float, Callable[[], None]], Callable[[], None]] = every_on_a_thread,
     ) -> None:
-        self.fired = False
         self._limit_s = limit_s
         self._kill = kill
         self._clock = clock
@@ -69,5 +68,4 @@ class Watchdog:
         self._blocked_s += elapsed_s
         if self._blocked_s > self._limit_s:
             self._blocked_s = 0.0
-            self.fired = True
             self._kill()

@@ -72,7 +72,7 @@ class Distant:
             assert comes_true(lambda path=path: path.exists() or self.has_ended()), "no ticket"
             self.joined[name] = home / "terminal.txt"
             self.processes[name] = self.start(
-                self.hosts[name], "join", path, text=self.joined[name], cwd=home
+                self.hosts[name], "join", path, "--wait", "1s", text=self.joined[name], cwd=home
             )
         return self
 
