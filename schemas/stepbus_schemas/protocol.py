@@ -42,6 +42,9 @@ class _FromParticipant(Envelope, frozen=True):
     """The run's secret."""
 
 
+_SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "N·m": "N"}
+
+
 class Description(_Part, frozen=True):
     """Description of one output: names, order and limits of its vectors."""
 
@@ -57,6 +60,11 @@ class Description(_Part, frozen=True):
     """Shape of bulk data, e.g. [height, width, channels]."""
     details: dict[str, list[str]] = {}
     """Further properties per name, e.g. `type` and `mode` of each joint."""
+
+    def unit(self, unit: str, joint: int) -> str:
+        """Return the unit of a joint, by its index; unit: that of one that turns."""
+        slides = self.details.get("type", [])[joint : joint + 1] == ["prismatic"]
+        return _SLIDING.get(unit, unit) if slides else unit
 
 
 class InputConfig(_Part, frozen=True):

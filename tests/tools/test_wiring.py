@@ -86,6 +86,11 @@ def test_names_of_a_hostile_scenario_are_text(tmp_path):
     assert HOSTILE in [*ET.fromstring(page).itertext()]
 
 
+def test_a_picture_that_is_no_svg_is_refused(tmp_path):
+    with pytest.raises(WiringError, match=r"wiring\.svg$"):
+        draw_wiring(load("two_link"), {}, tmp_path / "wiring.png")
+
+
 def test_nothing_is_loaded_that_a_recorded_scenario_names():
     assert "stage_0" in recorded(scenario(types="antigravity"))
     assert "antigravity" not in sys.modules

@@ -12,8 +12,6 @@ import numpy as np
 from stepbus_schemas import Message, parts_of, row_of
 
 _NUMBERS = ("float", "int", "bool")
-SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "N·m": "N"}
-"""Unit of a joint that turns → of one that slides."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stepbus_participant import Settings, suggest
 from stepbus_schemas import Description, Message, RunError, Types, WiringError
 
-from .fields import SLIDING, Field, Form, entries, forms
+from .fields import Field, Form, entries, forms
 
 Vector = NDArray[np.float64]
 _JOINT_STATE = "JointState/1"
@@ -232,14 +232,12 @@ class Interface:
         for entry in entries(array.shape, names):
             described, joint = _joint(entry, states) if is_of_joints else (Description(), -1)
             low, high = given or _limits(described, quantity, joint)
-            types = described.details.get("type", [])
-            slides = 0 <= joint < len(types) and types[joint] == "prismatic"
             yield Field(
                 name=f"{name}[{entry}]" if entry else name,
                 port=array.port,
                 field=array.field,
                 entry=entry,
-                unit=SLIDING.get(unit, unit) if slides else unit,
+                unit=described.unit(unit, joint),
                 low=low,
                 high=high,
             )

@@ -254,9 +254,12 @@ def _field(port: PortInfo, name: str, node: dict[str, Any], *, required: bool) -
         if not ends:
             form = _LISTED.get(form, "json") if len(sizes) == 1 else "json"
     unit = port.description.units.get(name, node.get("unit", ""))
+    units = [unit] * max(1, len(ends))
+    if sizes == ["n"] and ends:
+        units = [port.description.unit(unit, joint) for joint in range(len(ends))]
     columns = [
-        Column(name=name + end, type=form, unit=unit, text=node.get("description", ""))
-        for end in ends or [""]
+        Column(name=name + end, type=form, unit=own, text=node.get("description", ""))
+        for end, own in zip(ends or [""], units, strict=True)
     ]
     return Field(name=name, columns=columns, is_flat=bool(ends))
 

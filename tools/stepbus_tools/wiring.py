@@ -40,6 +40,8 @@ def draw_wiring(
         nodes = _nodes(*_unchecked(scenario), SHIPPED, descriptions)
     if target is None:
         return _mermaid(nodes)
+    if target.suffix.lower() in {".png", ".pdf", ".jpg", ".jpeg"}:
+        raise WiringError(f"{target}: the picture is an SVG: {target.with_suffix('.svg')}")
     text = f"{_mermaid(nodes)}\n"
     if target.suffix.lower() == ".svg":
         day, night = ("svg{{color:{ink};background:{paper}}}".format(**c) for c in (PAPER, NIGHT))

@@ -1,11 +1,13 @@
 """`stepbus plot`: any signals, one picture."""
 
 import pytest
+from support.messages.recordings import write
 from support.paths import TESTS
 
 from stepbus_orchestrator import cli
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
+from stepbus_schemas import Description, JointState
 from stepbus_tools.report.charts import find_signals
 
 LOG = TESTS / "scenarios/golden/two_link.mcap"
@@ -43,6 +45,16 @@ def test_an_element_is_named_by_its_index_or_its_joint(recording, index):
 def test_a_port_stands_for_all_of_its_numbers(recording):
     titles = [signal.title for signal in find_signals(recording, "plant/joint_state")]
     assert titles == [f"plant.joint_state.{name}" for name in ("position", "velocity", "effort")]
+
+
+def test_a_joint_that_slides_has_metres_and_a_panel_of_its_own(tmp_path):
+    joints = Description(names=["turn", "lift"], details={"type": ["revolute", "prismatic"]})
+    states = [JointState(position=[1.0, 0.1], effort=[2.0, 3.0])]
+    path = write(tmp_path / "run.mcap", joint_state=("JointState/1", joints, states))
+    with Recording(path) as opened:
+        shown = find_signals(opened, "plant.joint_state")
+    panels = [(one.unit, [line.label for line in one.lines]) for one in shown]
+    assert panels == [("rad", ["turn"]), ("m", ["lift"]), ("N·m", ["turn"]), ("N", ["lift"])]
 
 
 @pytest.mark.parametrize(

@@ -237,7 +237,8 @@ def field_chart(field: FieldCurve, most: int) -> Chart:
         for number, label in enumerate(field.labels[:most])
         if np.isfinite((points := field.curve.line(number))[1]).any()
     ]
-    return Chart(field.title, "" if field.unit == _NO_UNIT else field.unit, lines)
+    units = set(field.units) - {_NO_UNIT}
+    return Chart(field.title, units.pop() if len(units) == 1 else "", lines)
 
 
 def signal_names(recording: Recording) -> list[str]:
@@ -269,10 +270,10 @@ def find_signals(recording: Recording, text: str) -> list[Chart]:
     if not curves.fields:
         raise WiringError(f"{text}: {port.type} has no numeric fields to plot")
     chosen = [curves.fields[field]] if field else curves.fields.values()
-    return [_signal(curves.name, one, index, text) for one in chosen]
+    return [chart for one in chosen for chart in _signal(curves.name, one, index, text)]
 
 
-def _signal(port: str, field: FieldCurve, index: str | None, text: str) -> Chart:
+def _signal(port: str, field: FieldCurve, index: str | None, text: str) -> list[Chart]:
     title, labels = f"{port}.{field.title}", list(field.labels)
     is_single = labels == [field.title]
     numbers = range(len(labels))[:_MOST_JOINTS]
@@ -284,7 +285,8 @@ def _signal(port: str, field: FieldCurve, index: str | None, text: str) -> Chart
             names = ", ".join(one if one.startswith("[") else f"[{one}]" for one in shown)
             raise WiringError(f"{text}: no element [{index}]; it has {names or 'a single number'}")
         numbers = range(at, at + 1)
-    lines = [
-        ChartLine(title if is_single else labels[i], field.curve.line(i), number=i) for i in numbers
-    ]
-    return Chart(title, field.unit, lines)
+    lines = dict[str, list[ChartLine]]()
+    for i in numbers:
+        line = ChartLine(title if is_single else labels[i], field.curve.line(i), number=i)
+        lines.setdefault(field.units[i], []).append(line)
+    return [Chart(title, unit, same) for unit, same in lines.items()]

@@ -83,10 +83,13 @@ def _joined(first: Array | None, then: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldCurve:
-    """The curves of one field. labels: of all its numbers, of which the first may have curves."""
+    """The curves of one field. labels: of all its numbers, of which the first may have curves.
+
+    units: of these.
+    """
 
     title: str
-    unit: str
+    units: Sequence[str]
     labels: Sequence[str]
     curve: Curve
 
@@ -145,13 +148,14 @@ class PortCurves(PortReader):
                 self._read.remove(field)
                 self.fields.pop(field.name, None)
             elif known or not np.isnan(values).all():
-                labels, unit = field.labels(width), field.columns[0].unit
-                self._add(batch, field.name, unit, labels, values[:, : self._most])
+                units = [one.unit for one in field.columns] if field.is_flat else []
+                units = units or [field.columns[0].unit] * width
+                self._add(batch, field.name, units, field.labels(width), values[:, : self._most])
 
     def _add(
-        self, batch: Batch, title: str, unit: str, labels: Sequence[str], values: Array
+        self, batch: Batch, title: str, units: Sequence[str], labels: Sequence[str], values: Array
     ) -> None:
-        made = FieldCurve(title=title, unit=unit, labels=labels, curve=Curve(self._points))
+        made = FieldCurve(title=title, units=units, labels=labels, curve=Curve(self._points))
         self.fields.setdefault(title, made).curve.add(batch.t, values)
 
 
@@ -162,8 +166,8 @@ class ContactCurves(PortCurves):
         """Add the next batch; raises MessageError for a message that cannot be read."""
         messages: list[Any] = list(batch.messages())
         rows = np.array([(len(m.pairs), sum(m.force), max(m.peaks, default=0.0)) for m in messages])
-        self._add(batch, "pairs in contact", "", ["pairs"], rows[:, :1])
-        self._add(batch, "normal force", "N", ["sum", "peak"], rows[:, 1:])
+        self._add(batch, "pairs in contact", [""], ["pairs"], rows[:, :1])
+        self._add(batch, "normal force", ["N", "N"], ["sum", "peak"], rows[:, 1:])
 
 
 class SignalCurves:

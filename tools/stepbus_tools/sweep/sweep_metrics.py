@@ -123,18 +123,14 @@ def result_metrics(result: Result) -> Metrics:
     """
     with Recording(result) as recording:
         measured = builtin_metrics(result, recording)
-        kinds = {
-            joint: kind
+        known = {
+            f"rmse.{joint}": port.description.unit("rad", number)
             for port in recording.of_type("JointState/1")
-            # There are none where the plant gives none.
-            for joint, kind in zip(
-                port.names, port.description.details.get("type", ()), strict=False
-            )
+            for number, joint in enumerate(port.names)
         }
     values = {name: value for name, value in measured.items() if isinstance(value, int | float)}
-    joints = [name for name in values if name.startswith("rmse.")]
-    units = {name: "m" if kinds.get(name[5:]) == "prismatic" else "rad" for name in joints}
-    if joints:
+    units = {name: known.get(name, "rad") for name in values if name.startswith("rmse.")}
+    if units:
         units["rmse"] = ", ".join(sorted(set(units.values()), reverse=True))
     return Metrics(values, {name: unit for name, unit in UNITS.items() if name in values} | units)
 
