@@ -203,7 +203,7 @@ def _versions(table: Mapping[str, Mapping[str, str]]) -> Iterator[Row]:
     """Compare the versions. table: as of `compared`."""
     for name, is_same, words in compared(table):
         if is_same:
-            yield name, "ok", f"{words} everywhere"
+            yield name, "ok", words
         elif name in MUST_AGREE:
             yield name, "fail", f"{words}; install the same stepbus on all"
         else:

@@ -17,7 +17,10 @@ _PACKAGES = ("stepbus", "eclipse-zenoh", "msgspec", "numpy", "pin", "pybullet", 
 
 
 def host_versions() -> dict[str, str]:
-    """Return name → version of all that takes part in what a participant computes and sends."""
+    """Return name → version of all that takes part in what a participant computes and sends.
+
+    Of a package that is not there: nothing, as most participants need only some of them.
+    """
     _, types = msgspec.json.schema_components(MESSAGE_TYPES.values())
     shapes = msgspec.json.encode(_without_help(types), order="sorted")
     return {
@@ -25,8 +28,15 @@ def host_versions() -> dict[str, str]:
         "message types": hashlib.sha256(shapes).hexdigest()[:12],
         "python": platform.python_version(),
         "machine": platform.machine(),
-        **{name: installed_version(name) for name in _PACKAGES},
+        **{name: _version(name) for name in _PACKAGES},
     }
+
+
+def _version(package: str) -> str:
+    try:
+        return installed_version(package)
+    except ModuleNotFoundError:
+        return ""
 
 
 def _without_help(node: Any) -> Any:
@@ -41,12 +51,15 @@ def _without_help(node: Any) -> Any:
 
 
 def compared(table: Mapping[str, Mapping[str, str]]) -> Iterator[tuple[str, bool, str]]:
-    """Yield (name, whether all hosts have the same version, the versions in words).
+    """Yield (name, whether no two hosts have different versions, the versions in words).
+
+    A participant that needs a package does not start where there is none: no result differs.
 
     table: host → what `host_versions` returns there.
     """
     for name in dict.fromkeys(itertools.chain(*table.values())):
         found = {host: row.get(name) or "none" for host, row in table.items()}
-        is_same = len(set(found.values())) == 1
-        words = next(iter(found.values())) if is_same else ", ".join(map(" ".join, found.items()))
-        yield name, is_same, words
+        seen = set(found.values())
+        is_same = len(seen if name in MUST_AGREE else seen - {"none"}) <= 1
+        words = ", ".join(map(" ".join, found.items()))
+        yield name, is_same, f"{seen.pop()} everywhere" if len(seen) == 1 else words

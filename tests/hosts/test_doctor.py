@@ -166,13 +166,21 @@ def test_what_to_open(origin, reaches, port, words):
 
 
 def test_versions_that_differ_are_told_by_host():
-    one = {"stepbus": "1", "numpy": "2"}
-    rows = list(compared({"here": one, "robot": {**one, "numpy": "3", "pin": "4"}}))
-    assert rows == [
-        ("stepbus", True, "1"),
+    one = {"stepbus": "1", "protocol": "2", "numpy": "2"}
+    there = {"stepbus": "1", "numpy": "3", "pin": "4"}
+    assert list(compared({"here": one, "robot": there})) == [
+        ("stepbus", True, "1 everywhere"),
+        ("protocol", False, "here 2, robot none"),
         ("numpy", False, "here 2, robot 3"),
-        ("pin", False, "here none, robot 4"),
+        ("pin", True, "here none, robot 4"),
     ]
+
+
+def test_a_package_that_a_host_lacks_has_no_version(monkeypatch):
+    monkeypatch.setattr(versions, "_PACKAGES", ("msgspec", "no-such-package"))
+    found = host_versions()
+    assert found["msgspec"]
+    assert found["no-such-package"] == ""
 
 
 def test_the_message_types_that_ship_are_compared(monkeypatch):
