@@ -172,6 +172,7 @@ class Across(Elsewhere):
         )
         process = connection.start(order, run.out / LOGS_FOLDER / f"{spec.name}.log")
         process.is_silent = lambda: gateway.silence(spec.name)
+        process.cut = lambda: gateway.cut(spec.name)
         run.timing.event("spawn", spec.name, f"pid {process.remote_pid} on {spec.host}")
         return ParticipantState(spec, process)
 

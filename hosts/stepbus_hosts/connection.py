@@ -150,8 +150,9 @@ class Connection:
         """End all that is left there; return (participant, warning) of what had to be ended."""
         self._queue.put(wire.Close())
         self._queue.put(None)
+        left_s = 0.0 if self._lost else self._lease_s - self.silent_s()
         try:
-            self._ssh.wait(0.1 if self._lost else _END_S)
+            self._ssh.wait(min(max(0.1, left_s), _END_S))
         except subprocess.TimeoutExpired:
             self._ssh.kill()
             self._ssh.wait()  # no time-out: it was killed
@@ -219,7 +220,10 @@ class Connection:
 
 
 class RemoteProcess(Process):
-    """A participant's process on another host. remote_pid: its process id there."""
+    """A participant's process on another host.
+
+    remote_pid: its process id there. is_silent, cut: those of the gateway for its link.
+    """
 
     def __init__(self, host: Connection, name: str, log: Path) -> None:
         super().__init__(log)
@@ -228,6 +232,7 @@ class RemoteProcess(Process):
         self.code: int | None = None
         self.is_over = threading.Event()
         self.is_silent: Callable[[], str] = str
+        self.cut: Callable[[], object] = str
         self._is_terminated = False
 
     def where(self) -> str:
@@ -259,6 +264,9 @@ class RemoteProcess(Process):
 
     def signal(self, number: int) -> None:
         """Send it a signal, and all it has started."""
+        if number == signal.SIGKILL:
+            # Its host may not get that, and what it does not read holds up the others.
+            self.cut()
         self._host.send(wire.Signal(self._name, number))
 
     def wait(self, timeout_s: float) -> bool:
@@ -280,4 +288,6 @@ class RemoteProcess(Process):
         self.terminate()
         if not self.wait(grace_s):
             self.signal(signal.SIGKILL)
-            self.wait(_KILL_S)
+            # Meanwhile, nothing answers the others.
+            if self._host.silent_s() < _SILENT_S:
+                self.wait(_KILL_S)
