@@ -70,7 +70,7 @@ class _Agent:
             return
         except (StepbusError, OSError) as exc:
             with contextlib.suppress(OSError):
-                self._send(wire.Problem(_sentence(exc, self._cache)))
+                self._send(wire.Problem(sentence(exc, self._cache)))
         finally:
             # All at once, before each in its turn.
             for child in self._children.values():
@@ -202,8 +202,11 @@ class _Agent:
                 self._send(wire.Ended(name, code))
 
 
-def _sentence(exc: Exception, folder: Path) -> str:
+def sentence(exc: Exception, folder: Path) -> str:
     """Return what is wrong, with the file if it is one; folder: where we write."""
+    if isinstance(exc, StepbusError):
+        # What it names is a folder of ours.
+        return str(exc).removesuffix("; choose another --out")
     if isinstance(exc, OSError):
         return f"{exc.filename or folder}: {exc.strerror}; may you write there, is there room?"
     return str(exc)

@@ -4,7 +4,10 @@ import pytest
 
 import stepbus
 from stepbus_hosts.addresses import parse_address
+from stepbus_hosts.agent import sentence
 from stepbus_hosts.hosts_file import read_hosts
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.replay.sources import Sources
 
 HOSTS = "robot: {address: robot.local, user: ada}\n"
 
@@ -86,3 +89,10 @@ def test_what_does_not_fit_is_refused_and_leaves_no_folder(tmp_path, hosts, give
     with pytest.raises(stepbus.WiringError, match=words):
         stepbus.run("two_link", out=tmp_path / "run", **given)
     assert not (tmp_path / "run").exists()
+
+
+def test_what_cannot_be_written_there_is_said_without_options_of_here(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(RecordingFailed) as failed:
+        Sources(b"", {}).unpack(tmp_path / "file/source")
+    assert sentence(failed.value, tmp_path).endswith("cannot be written: exists and is not a folder")
