@@ -95,6 +95,4 @@ def test_what_cannot_be_written_there_is_said_without_options_of_here(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RecordingFailed) as failed:
         Sources(b"", {}).unpack(tmp_path / "file/source")
-    assert sentence(failed.value, tmp_path).endswith(
-        "cannot be written: exists and is not a folder"
-    )
+    assert sentence(failed.value, tmp_path).endswith(": exists and is not a folder")
