@@ -1,10 +1,14 @@
 """What is refused before anything starts; hosts, addresses and scenarios that do not fit."""
 
+import signal
+from types import SimpleNamespace
+
 import pytest
 
 import stepbus
 from stepbus_hosts.addresses import parse_address
 from stepbus_hosts.agent import sentence
+from stepbus_hosts.connection import RemoteProcess
 from stepbus_hosts.hosts_file import read_hosts
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.replay.sources import Sources
@@ -96,3 +100,19 @@ def test_what_cannot_be_written_there_is_said_without_options_of_here(tmp_path):
     with pytest.raises(RecordingFailed) as failed:
         Sources(b"", {}).unpack(tmp_path / "file/source")
     assert sentence(failed.value, tmp_path).endswith(": exists and is not a folder")
+
+
+@pytest.mark.parametrize("is_silent", [False, True])
+def test_a_host_that_is_silent_is_cut_off_and_not_waited_for(tmp_path, is_silent):
+    done = []
+    host = SimpleNamespace(
+        lost=lambda: "",
+        silent_s=lambda: 9.0 if is_silent else 0.0,
+        send=lambda order: done.append(signal.Signals(order.number).name),
+    )
+    process = RemoteProcess(host, "controller", tmp_path / "log")
+    process.cut = lambda: done.append("cut")
+    process.wait = lambda seconds: done.append(f"wait {seconds:g} s")
+    process.end(0.0)
+    ended = ["SIGTERM", "SIGCONT", "wait 0 s", "cut", "SIGKILL"]
+    assert done == ended + ["wait 5 s"] * (not is_silent)
